@@ -1,0 +1,1 @@
+//! Which effects an exposure shows, hence which factors need sampling.

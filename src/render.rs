@@ -1,0 +1,1 @@
+//! The pipeline itself: the only module that names every stage.

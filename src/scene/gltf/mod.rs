@@ -1,0 +1,1 @@
+//! Import of glTF 2.0.

@@ -1,0 +1,75 @@
+//! What exists, and how it changes with time: the file's content in our own words.
+//!
+//! A [`Scene`] is a whole shot: node tree, meshes, materials, lights, cameras and animation curves. It knows nothing
+//! of frames or exposures. [`Stage`] is the scene as one exposure sees it: every motion baked to a sequence of linear
+//! segments. glTF's own vocabulary stops at [`gltf`].
+
+pub mod animation;
+pub mod camera;
+pub mod gltf;
+pub mod light;
+pub mod material;
+pub mod mesh;
+pub mod motion;
+pub mod node;
+pub mod stage;
+pub mod texture;
+
+pub use animation::{Animation, Channel, Interpolation, Property, Track};
+pub use camera::{Camera, Lens, Projection};
+pub use light::{Environment, Light, LightShape};
+pub use material::{AlphaMode, Material, TextureRef};
+pub use mesh::{Mesh, MorphTarget, SkinBinding};
+pub use motion::Motion;
+pub use node::{LocalTransform, Node, Skin};
+pub use stage::{Geometry, Instance, Stage, StageCamera, StageLight};
+pub use texture::{Image, Pixels, Texture, Wrap};
+
+use std::path::PathBuf;
+
+/// Index into [`Scene::nodes`].
+pub type NodeId = usize;
+/// Index into [`Scene::meshes`].
+pub type MeshId = usize;
+/// Index into [`Scene::materials`].
+pub type MaterialId = usize;
+/// Index into [`Scene::textures`].
+pub type TextureId = usize;
+
+/// A whole shot as loaded from a file.
+///
+/// Right-handed, y up, metres, seconds; cameras look down their −z axis. Invariants that the loader establishes and
+/// every later stage relies on: all indices are in range, the node graph is a forest, key times ascend, and every
+/// number is finite.
+#[derive(Debug, Default)]
+pub struct Scene {
+    /// The file it came from, for messages.
+    pub path: PathBuf,
+    /// Nodes of the chosen scene and their descendants. A node's parent need not stand before it: see
+    /// [`Scene::order`].
+    pub nodes: Vec<Node>,
+    /// Every node exactly once, parents before children.
+    pub order: Vec<NodeId>,
+    /// Triangle meshes, one per glTF primitive.
+    pub meshes: Vec<Mesh>,
+    /// Materials; meshes always refer to one (the loader appends glTF's default material where a mesh has none).
+    pub materials: Vec<Material>,
+    /// Images with their samplers.
+    pub textures: Vec<Texture>,
+    /// Decoded images.
+    pub images: Vec<Image>,
+    /// Punctual lights; a node places them.
+    pub lights: Vec<Light>,
+    /// Cameras; a node places them.
+    pub cameras: Vec<Camera>,
+    /// Skins; a node with a skinned mesh refers to one.
+    pub skins: Vec<Skin>,
+    /// Animations, in file order.
+    pub animations: Vec<Animation>,
+    /// Light from all around, if the file brings it (`EXT_lights_image_based`); a flag may replace it.
+    pub environment: Option<Environment>,
+    /// What was odd but not fatal, as one sentence each.
+    pub warnings: Vec<String>,
+    /// BLAKE3 over the scene file and everything it refers to, in order of reference.
+    pub hash: [u8; 32],
+}

@@ -1,0 +1,82 @@
+//! A rigid or affine motion over one exposure, as linear segments.
+
+use glam::Affine3A;
+
+/// A piecewise linear path of affine transforms over `u_time` in [0, 1].
+///
+/// One key is something that does not move in this exposure: exactly, by construction. Two keys at the same time are a
+/// jump. Between keys the twelve matrix entries are interpolated linearly, which moves every point on a straight line.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    times: Vec<f32>,
+    keys: Vec<Affine3A>,
+}
+
+impl Motion {
+    /// Something that stands still.
+    #[must_use]
+    pub fn still(transform: Affine3A) -> Self {
+        Self { times: vec![0.0], keys: vec![transform] }
+    }
+
+    /// A path through `keys` at ascending `times`, the first 0 and the last 1.
+    ///
+    /// # Panics
+    /// If the lengths differ or there are fewer than two keys; use [`Motion::still`] for one.
+    #[must_use]
+    pub fn through(times: Vec<f32>, keys: Vec<Affine3A>) -> Self {
+        assert!(times.len() == keys.len() && keys.len() >= 2, "a path needs a time for each of two or more keys");
+        debug_assert!(times.windows(2).all(|w| w[0] <= w[1]), "times ascend");
+        debug_assert!(times[0] <= 0.0 && times[times.len() - 1] >= 1.0, "the keys span the exposure");
+        Self { times, keys }
+    }
+
+    /// Whether it stands still.
+    #[must_use]
+    #[inline]
+    pub fn is_still(&self) -> bool {
+        self.keys.len() == 1
+    }
+
+    /// Key times in [0, 1], ascending.
+    #[must_use]
+    pub fn times(&self) -> &[f32] {
+        &self.times
+    }
+
+    /// The transforms at [`Motion::times`].
+    #[must_use]
+    pub fn keys(&self) -> &[Affine3A] {
+        &self.keys
+    }
+
+    /// The transform at `u_time` in [0, 1].
+    #[must_use]
+    #[inline]
+    pub fn at(&self, u_time: f32) -> Affine3A {
+        if self.keys.len() == 1 {
+            return self.keys[0];
+        }
+        let (segment, f) = segment_at(&self.times, u_time);
+        lerp(&self.keys[segment], &self.keys[segment + 1], f)
+    }
+}
+
+/// The segment of `times` (at least two, ascending) that holds `u_time`, and where in it, in [0, 1].
+#[must_use]
+#[inline]
+pub fn segment_at(times: &[f32], u_time: f32) -> (usize, f32) {
+    let segment =
+        if times.len() == 2 { 0 } else { times.partition_point(|&t| t <= u_time).clamp(1, times.len() - 1) - 1 };
+    let (a, b) = (times[segment], times[segment + 1]);
+    let f = if b > a { ((u_time - a) / (b - a)).clamp(0.0, 1.0) } else { 1.0 };
+    (segment, f)
+}
+
+/// Entrywise interpolation: `a` exactly at 0, `b` exactly at 1.
+#[must_use]
+#[inline]
+pub fn lerp(a: &Affine3A, b: &Affine3A, f: f32) -> Affine3A {
+    let g = 1.0 - f;
+    Affine3A { matrix3: a.matrix3 * g + b.matrix3 * f, translation: a.translation * g + b.translation * f }
+}
