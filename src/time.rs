@@ -212,8 +212,19 @@ impl Shutter {
             ShutterPhase::Centre => instant - 0.5 * duration,
             ShutterPhase::End => instant - duration,
         };
-        Exposure { open, close: if duration > 0.0 { open + duration } else { open } }
+        let open = snap(open);
+        Exposure { open, close: if duration > 0.0 { open + snap(duration) } else { open } }
     }
+}
+
+/// The multiple of 2⁻³² s (0.23 ns) nearest to `seconds`.
+///
+/// Differences between instants on this grid are exact for twelve days of animation, so hour 10 of a shot is bit for
+/// bit hour 0 of the same shot moved.
+#[must_use]
+pub fn snap(seconds: f64) -> f64 {
+    const GRID: f64 = 4_294_967_296.0;
+    (seconds * GRID).round() / GRID
 }
 
 #[cfg(test)]

@@ -5,15 +5,20 @@
 //! segments. glTF's own vocabulary stops at [`gltf`].
 
 pub mod animation;
+pub mod bake;
 pub mod camera;
+pub mod curve;
+pub mod deform;
 pub mod gltf;
 pub mod light;
 pub mod material;
 pub mod mesh;
 pub mod motion;
 pub mod node;
+pub mod rig;
 pub mod stage;
 pub mod texture;
+pub mod view;
 
 pub use animation::{Animation, Channel, Interpolation, Property, Track};
 pub use camera::{Camera, Lens, Projection};

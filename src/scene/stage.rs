@@ -49,8 +49,8 @@ pub struct StageCamera {
     pub projection: Projection,
     /// Radius of the aperture, metres; 0 is a pinhole.
     pub aperture_radius: f32,
-    /// Distance to the plane in focus, metres along the axis.
-    pub focus_distance: f32,
+    /// Distance to the plane in focus, metres along the axis, when the exposure opens and when it closes.
+    pub focus_distance: [f32; 2],
 }
 
 /// A punctual light of this exposure.

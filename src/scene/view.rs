@@ -1,0 +1,247 @@
+//! Which camera looks, through which lens: flags over the file over defaults.
+
+use super::bake::{Baker, MotionError, affine};
+use super::deform::Deformer;
+use super::rig::{Rig, list_names};
+use super::{Motion, NodeId, Projection, Scene, Stage, StageCamera};
+use crate::time::Exposure;
+use crate::{Error, Result};
+use glam::{DAffine3, DVec3};
+
+/// What the user asks of the camera; `None` leaves it to the file.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ViewRequest {
+    /// Name of a camera or of the node that holds it, or an index into the scene's cameras.
+    pub camera: Option<String>,
+    /// Aperture as an f-stop.
+    pub f_stop: Option<f64>,
+    /// Radius of the aperture, metres; wins over `f_stop`.
+    pub aperture_radius: Option<f64>,
+    /// Distance to the plane in focus, metres.
+    pub focus_distance: Option<f64>,
+    /// Name of a node to keep in focus; wins over `focus_distance`.
+    pub focus_on: Option<String>,
+    /// Largest deviation from true motion, pixels.
+    pub motion_error: f64,
+    /// Width and height of the whole picture, pixels.
+    pub size: (u32, u32),
+    /// Width of a pixel over its height.
+    pub pixel_aspect: f64,
+}
+
+/// The camera that was chosen: a node of the scene, or the default framing where the scene has none.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View {
+    node: Option<NodeId>,
+    projection: Projection,
+    place: DAffine3,
+    aperture_radius: f64,
+    focus: Focus,
+    motion_error: MotionError,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Focus {
+    At(f64),
+    On(NodeId),
+}
+
+impl View {
+    /// Chooses the camera and resolves its lens.
+    ///
+    /// # Errors
+    /// If the camera or the node to focus on does not exist, or a value is out of range.
+    pub fn new(rig: &Rig<'_>, request: &ViewRequest) -> Result<Self> {
+        let scene = rig.scene();
+        let node = camera_node(scene, request.camera.as_deref())?;
+        let start = rig.span().map_or(0.0, |s| s.0);
+        let ball = bounding_ball(rig, start);
+        let (projection, place, lens) = match node {
+            Some(n) => {
+                let camera = &scene.cameras[scene.nodes[n].camera.unwrap_or_default()];
+                (camera.projection, rig.world(n, (start, start), start), camera.lens)
+            }
+            None => {
+                let (projection, place) = default_framing(ball, aspect(request));
+                (projection, place, super::Lens::default())
+            }
+        };
+        let f_stop = request.f_stop.or(lens.f_stop.map(f64::from));
+        let radius = request
+            .aperture_radius
+            .or_else(|| request.f_stop.map(|f| radius_of_stop(projection, f)))
+            .or(lens.aperture_radius.map(f64::from))
+            .or_else(|| f_stop.map(|f| radius_of_stop(projection, f)));
+        let focus = match &request.focus_on {
+            Some(name) => Focus::On(node_named(scene, name)?),
+            None => Focus::At(request.focus_distance.or(lens.focus_distance.map(f64::from)).unwrap_or_else(|| {
+                let ahead = place.inverse().transform_point3(ball.0);
+                if -ahead.z > 0.0 && ahead.is_finite() { -ahead.z } else { ball.1.max(1.0) }
+            })),
+        };
+        let (pixel_size, perspective) = match projection {
+            Projection::Perspective { yfov, .. } => {
+                (2.0 * libm::tan(f64::from(yfov) * 0.5) / f64::from(request.size.1), true)
+            }
+            Projection::Orthographic { ymag, .. } => (2.0 * f64::from(ymag).abs() / f64::from(request.size.1), false),
+        };
+        let motion_error = MotionError { pixels: request.motion_error, pixel_size, perspective };
+        Ok(Self { node, projection, place, aperture_radius: radius.unwrap_or(0.0), focus, motion_error })
+    }
+
+    /// The node that holds the camera; `None` for the default framing.
+    #[must_use]
+    pub fn node(&self) -> Option<NodeId> {
+        self.node
+    }
+
+    /// Radius of the aperture, metres.
+    #[must_use]
+    pub fn aperture_radius(&self) -> f64 {
+        self.aperture_radius
+    }
+
+    /// The scene as `interval` sees it from here.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation, reason = "metres that are f32 in the file")]
+    pub fn stage(&self, rig: &Rig<'_>, interval: Exposure) -> Stage {
+        let baker = Baker::new(rig, interval, self.motion_error, self.node, self.place.translation);
+        let motion = match self.node {
+            // Directions matter as far as one sees: a point one metre ahead, at that distance, is a pixel's measure.
+            Some(n) => without_scale(&baker.motion(n, 1.0)),
+            None => Motion::still(affine(self.place)),
+        };
+        let focus = |u: f64| match self.focus {
+            Focus::At(distance) => distance as f32,
+            Focus::On(target) => {
+                let t = interval.at(u);
+                let at = |n: NodeId| {
+                    let (p, _) = rig.local_piece((t, t));
+                    rig.world(n, (p, p), p)
+                };
+                let eye = self.node.map_or(self.place, at);
+                let ahead = -eye.inverse().transform_point3(at(target).translation).z;
+                (ahead.max(f64::from(f32::MIN_POSITIVE))) as f32
+            }
+        };
+        baker.stage(StageCamera {
+            motion,
+            projection: self.projection,
+            aperture_radius: self.aperture_radius as f32,
+            focus_distance: [focus(0.0), focus(1.0)],
+        })
+    }
+}
+
+/// A camera's pose has no scale (glTF 2.0, §3.10.1): the axes of every key become unit vectors.
+fn without_scale(motion: &Motion) -> Motion {
+    let unit = |k: &glam::Affine3A| glam::Affine3A {
+        matrix3: glam::Mat3A::from_cols(
+            k.matrix3.x_axis.normalize_or_zero(),
+            k.matrix3.y_axis.normalize_or_zero(),
+            k.matrix3.z_axis.normalize_or_zero(),
+        ),
+        translation: k.translation,
+    };
+    let keys: Vec<_> = motion.keys().iter().map(unit).collect();
+    if motion.is_still() { Motion::still(keys[0]) } else { Motion::through(motion.times().to_vec(), keys) }
+}
+
+fn aspect(request: &ViewRequest) -> f64 {
+    f64::from(request.size.0) * request.pixel_aspect / f64::from(request.size.1)
+}
+
+/// Focal length 12 mm / tan(yfov / 2) on a sensor 24 mm high, over twice the f-stop. A parallel projection has no
+/// focal length; a stop means nothing there.
+fn radius_of_stop(projection: Projection, f_stop: f64) -> f64 {
+    match projection {
+        Projection::Perspective { yfov, .. } => 0.012 / libm::tan(f64::from(yfov) * 0.5) / (2.0 * f_stop),
+        Projection::Orthographic { .. } => 0.0,
+    }
+}
+
+fn camera_node(scene: &Scene, wanted: Option<&str>) -> Result<Option<NodeId>> {
+    let holders: Vec<NodeId> = scene.order.iter().copied().filter(|&n| scene.nodes[n].camera.is_some()).collect();
+    let Some(wanted) = wanted else {
+        return Ok(holders.first().copied());
+    };
+    let camera_name = |n: NodeId| scene.nodes[n].camera.map_or("", |c| scene.cameras[c].name.as_str());
+    let by_name = holders.iter().find(|&&n| camera_name(n) == wanted || scene.nodes[n].name == wanted);
+    let by_index = wanted.parse::<usize>().ok().and_then(|i| holders.get(i));
+    by_name.or(by_index).copied().map(Some).ok_or_else(|| Error::NoSuchObject {
+        path: scene.path.clone(),
+        kind: "camera",
+        wanted: format!("\"{wanted}\""),
+        available: list_names(holders.iter().map(|&n| match camera_name(n) {
+            "" => scene.nodes[n].name.as_str(),
+            name => name,
+        })),
+    })
+}
+
+/// The node of a name, or of an index.
+///
+/// # Errors
+/// If there is none.
+pub fn node_named(scene: &Scene, wanted: &str) -> Result<NodeId> {
+    let by_name = scene.nodes.iter().position(|n| n.name == wanted);
+    let by_index = wanted.parse::<usize>().ok().filter(|&i| i < scene.nodes.len());
+    by_name.or(by_index).ok_or_else(|| Error::NoSuchObject {
+        path: scene.path.clone(),
+        kind: "node",
+        wanted: format!("\"{wanted}\""),
+        available: list_names(scene.nodes.iter().map(|n| n.name.as_str())),
+    })
+}
+
+/// Centre and radius of a ball around everything visible at `time`.
+#[must_use]
+pub fn bounding_ball(rig: &Rig<'_>, time: f64) -> (DVec3, f64) {
+    let scene = rig.scene();
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let mut meet = |p: DVec3| {
+        if p.is_finite() {
+            (low, high) = (low.min(p), high.max(p));
+        }
+    };
+    for (n, node) in scene.nodes.iter().enumerate() {
+        if node.meshes.is_empty() || !rig.is_visible(n, time) {
+            continue;
+        }
+        let world = rig.world(n, (time, time), time);
+        for &mesh in &node.meshes {
+            let deformed = Deformer::new(rig, mesh, n).map(|d| (d.vertices((time, time), time), d.lands_in_world()));
+            let places = match &deformed {
+                Some((_, true)) => vec![DAffine3::IDENTITY],
+                _ => node.copies.as_ref().map_or_else(|| vec![world], |c| c.iter().map(|m| world * *m).collect()),
+            };
+            let positions = deformed.as_ref().map_or(&scene.meshes[mesh].positions, |(key, _)| &key.positions);
+            let (a, b) = positions
+                .iter()
+                .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p.as_dvec3()), b.max(p.as_dvec3())));
+            if positions.is_empty() {
+                continue;
+            }
+            for place in places {
+                for corner in 0..8 {
+                    let pick = |bit: u32, lo: f64, hi: f64| if corner >> bit & 1 == 0 { lo } else { hi };
+                    meet(place.transform_point3(DVec3::new(pick(0, a.x, b.x), pick(1, a.y, b.y), pick(2, a.z, b.z))));
+                }
+            }
+        }
+    }
+    if low.x > high.x { (DVec3::ZERO, 1.0) } else { ((low + high) * 0.5, low.distance(high) * 0.5) }
+}
+
+/// A perspective camera a little above and to the right that sees the whole ball.
+fn default_framing((centre, radius): (DVec3, f64), aspect: f64) -> (Projection, DAffine3) {
+    const YFOV: f64 = 0.69; // about 40 degrees: a normal lens
+    let radius = if radius > 0.0 { radius } else { 1.0 };
+    let half = if aspect < 1.0 { libm::atan(libm::tan(YFOV / 2.0) * aspect) } else { YFOV / 2.0 };
+    let back = DVec3::new(0.45, 0.35, 1.0).normalize();
+    let eye = centre + back * (radius / libm::sin(half));
+    let right = DVec3::Y.cross(back).normalize();
+    let place = DAffine3 { matrix3: glam::DMat3::from_cols(right, back.cross(right), back), translation: eye };
+    #[allow(clippy::cast_possible_truncation, reason = "a constant")]
+    (Projection::Perspective { yfov: YFOV as f32, aspect: None }, place)
+}
