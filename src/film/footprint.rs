@@ -133,6 +133,16 @@ impl Lines {
         }
     }
 
+    /// Whether line `line` of the frame is among them.
+    #[must_use]
+    pub const fn holds(self, line: u32) -> bool {
+        match self {
+            Self::All => true,
+            Self::Field(Parity::Top) => line.is_multiple_of(2),
+            Self::Field(Parity::Bottom) => !line.is_multiple_of(2),
+        }
+    }
+
     /// Rows of the picture where the frame has `lines` lines.
     #[must_use]
     pub const fn rows(self, lines: u32) -> u32 {

@@ -5,9 +5,11 @@
 
 pub mod accel;
 pub mod bsdf;
+pub mod camera;
 pub mod lights;
 pub mod ray;
 pub mod surface;
+pub mod tally;
 
 pub use ray::{Hit, Ray};
 

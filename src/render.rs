@@ -1,1 +1,0 @@
-//! The pipeline itself: the only module that names every stage.

@@ -1,0 +1,11 @@
+//! The pipeline itself: the only module that names every stage.
+//!
+//! scene → effects → design → image function → film → output, one exposure at a time. A frame is one exposure, or two
+//! where it is interlaced; every pixel is computed alone, so tiles, threads and machines never show.
+
+pub mod frames;
+pub mod integrate;
+pub mod progress;
+
+pub use frames::FrameList;
+pub use progress::Progress;
