@@ -1,1 +1,160 @@
 //! Which effects an exposure shows, hence which factors need sampling.
+//!
+//! The plan is computed from scene, stage and the bounces asked for, and is the only thing that decides which factors
+//! exist. What does not show is not sampled: the design is built over the factors that remain, so dropping one buys
+//! accuracy, not only time.
+
+use crate::design::Factor;
+use crate::scene::{Instance, LightShape, Scene, Stage};
+use serde::Serialize;
+use std::fmt;
+
+/// What an exposure calls for, with the counts that say why.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EffectsPlan {
+    /// Exposure length, seconds; 0 is an instant.
+    pub exposure_s: f64,
+    /// Visible objects.
+    pub objects: usize,
+    /// Of these, how many move or deform within the exposure.
+    pub moving_objects: usize,
+    /// Whether the camera moves within the exposure, or its focus does.
+    pub camera_moves: bool,
+    /// Punctual lights that move within the exposure.
+    pub moving_lights: usize,
+    /// Whether lines are exposed one after another.
+    pub rolling: bool,
+    /// Aperture radius, metres.
+    pub aperture_radius: f64,
+    /// Objects whose material emits light.
+    pub emissive_objects: usize,
+    /// Punctual lights with an extent: spheres, and directional lights with an angle.
+    pub sized_lights: usize,
+    /// Punctual lights without extent.
+    pub point_lights: usize,
+    /// Whether light comes from all around.
+    pub surrounding_light: bool,
+    /// Whether some visible material reflects or transmits neither diffusely alone nor as a mirror.
+    pub glossy: bool,
+    /// Diffuse and rough bounces after the first hit.
+    pub bounces: u16,
+}
+
+/// Up to as many lights without extent are all visited; more are chosen from, which takes a number.
+pub const MOST_LIGHTS_VISITED: usize = 4;
+
+impl EffectsPlan {
+    /// The plan for one exposure. `surrounding_light`: whether the background lights the scene.
+    #[must_use]
+    pub fn new(scene: &Scene, stage: &Stage, surrounding_light: bool, rolling: bool, bounces: u16) -> Self {
+        let has_extent = |shape: &LightShape| match *shape {
+            LightShape::Directional { angular_radius } => angular_radius > 0.0,
+            LightShape::Point { radius } | LightShape::Spot { radius, .. } => radius > 0.0,
+        };
+        let sized = stage.lights.iter().filter(|l| has_extent(&l.light.shape)).count();
+        let material = |i: &Instance| &scene.materials[scene.meshes[stage.geometries[i.geometry].mesh].material];
+        let count = |test: &dyn Fn(&Instance) -> bool| stage.instances.iter().filter(|i| test(i)).count();
+        let [open, close] = stage.camera.focus_distance;
+        Self {
+            exposure_s: stage.interval.duration(),
+            objects: stage.instances.len(),
+            moving_objects: count(&|i| !i.motion.is_still() || stage.geometries[i.geometry].keys.len() > 1),
+            camera_moves: !stage.camera.motion.is_still()
+                || (stage.camera.aperture_radius > 0.0 && open.to_bits() != close.to_bits()),
+            moving_lights: stage.lights.iter().filter(|l| !l.motion.is_still()).count(),
+            rolling,
+            aperture_radius: f64::from(stage.camera.aperture_radius),
+            emissive_objects: count(&|i| {
+                let m = material(i);
+                m.emissive.max_element() > 0.0 && !m.unlit
+            }),
+            sized_lights: sized,
+            point_lights: stage.lights.len() - sized,
+            surrounding_light,
+            glossy: count(&|i| {
+                let m = material(i);
+                !m.unlit && !(m.metallic >= 1.0 && m.roughness <= 0.0 && m.metallic_roughness_texture.is_none())
+            }) > 0,
+            bounces,
+        }
+    }
+
+    /// Whether time needs sampling.
+    #[must_use]
+    pub fn samples_time(&self) -> bool {
+        self.exposure_s > 0.0 && (self.moving_objects > 0 || self.camera_moves || self.moving_lights > 0)
+    }
+
+    /// Whether the lens needs sampling.
+    #[must_use]
+    pub fn samples_lens(&self) -> bool {
+        self.aperture_radius > 0.0
+    }
+
+    /// Whether lights need sampling: some have an extent, or there are too many to visit all.
+    #[must_use]
+    pub fn samples_light(&self) -> bool {
+        self.has_extended_light() || self.point_lights > MOST_LIGHTS_VISITED
+    }
+
+    /// Whether a scattered ray can meet a light.
+    #[must_use]
+    pub fn has_extended_light(&self) -> bool {
+        self.emissive_objects + self.sized_lights > 0 || self.surrounding_light
+    }
+
+    /// The factors to sample, in their fixed order.
+    #[must_use]
+    pub fn factors(&self) -> Vec<Factor> {
+        let mut factors = vec![Factor::FILM_X, Factor::FILM_Y];
+        if self.samples_time() {
+            factors.push(Factor::SHUTTER);
+        }
+        if self.samples_lens() {
+            factors.extend([Factor::LENS_U, Factor::LENS_V]);
+        }
+        for vertex in 0..=self.bounces {
+            if self.samples_light() {
+                factors.extend([Factor::light_u(vertex), Factor::light_v(vertex)]);
+            }
+            if vertex < self.bounces || (self.glossy && self.has_extended_light()) {
+                factors.extend([Factor::lobe_u(vertex), Factor::lobe_v(vertex)]);
+            }
+        }
+        factors
+    }
+}
+
+impl fmt::Display for EffectsPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let yes = |b: bool| if b { "sampled" } else { "not sampled" };
+        let time = if self.exposure_s <= 0.0 {
+            "the exposure is an instant".to_owned()
+        } else {
+            format!(
+                "{} of {} objects and {} lights move in this exposure, the camera {}",
+                self.moving_objects,
+                self.objects,
+                self.moving_lights,
+                if self.camera_moves { "moves" } else { "stands" }
+            )
+        };
+        let lens = if self.samples_lens() {
+            format!("aperture radius {:.4} m", self.aperture_radius)
+        } else {
+            "pinhole: neither f-stop nor aperture radius is set".to_owned()
+        };
+        writeln!(f, "time:    {}; {time}", yes(self.samples_time()))?;
+        writeln!(f, "lens:    {}; {lens}", yes(self.samples_lens()))?;
+        writeln!(
+            f,
+            "light:   {}; {} emissive objects, {} lights with an extent, {} without, {} from all around",
+            yes(self.samples_light()),
+            self.emissive_objects,
+            self.sized_lights,
+            self.point_lights,
+            if self.surrounding_light { "and light" } else { "no light" }
+        )?;
+        write!(f, "gloss:   {}; bounces: {}", yes(self.glossy && self.has_extended_light()), self.bounces)
+    }
+}
