@@ -4,7 +4,7 @@
 //! exist. What does not show is not sampled: the design is built over the factors that remain, so dropping one buys
 //! accuracy, not only time.
 
-use crate::design::Factor;
+use crate::factor::Factor;
 use crate::scene::{Instance, LightShape, Scene, Stage};
 use serde::Serialize;
 use std::fmt;

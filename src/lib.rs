@@ -13,6 +13,8 @@ pub mod error;
 pub mod numeric;
 pub mod time;
 
+pub mod factor;
+
 pub mod scene;
 
 pub mod effects;

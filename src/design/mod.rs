@@ -6,69 +6,7 @@
 
 use crate::numeric;
 
-/// One sampled axis of the integral.
-///
-/// Five factors belong to the camera. Then every vertex of a light path that is not purely specular has a group of
-/// four: the light's pair and the lobe's pair; which light, and which lobe, is chosen by rescaling the same pair.
-/// Further independent numbers (transparency, Russian roulette, the choice between reflection and refraction at a
-/// mirror-like vertex) are [`Factor::extra`]: stratified alone where a design can, never tied to others.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Factor(u16);
-
-impl Factor {
-    /// Horizontal position within the pixel's footprint.
-    pub const FILM_X: Self = Self(0);
-    /// Vertical position within the pixel's footprint.
-    pub const FILM_Y: Self = Self(1);
-    /// Time within the exposure.
-    pub const SHUTTER: Self = Self(2);
-    /// First coordinate on the lens.
-    pub const LENS_U: Self = Self(3);
-    /// Second coordinate on the lens.
-    pub const LENS_V: Self = Self(4);
-    /// Factors in each path vertex's group.
-    pub const PER_VERTEX: u16 = 4;
-    const FIRST_VERTEX: u16 = 5;
-    const FIRST_EXTRA: u16 = 0x8000;
-
-    /// First coordinate on the light, at the `vertex`-th rough vertex from the camera (from 0).
-    #[must_use]
-    pub const fn light_u(vertex: u16) -> Self {
-        Self(Self::FIRST_VERTEX + Self::PER_VERTEX * vertex)
-    }
-    /// Second coordinate on the light.
-    #[must_use]
-    pub const fn light_v(vertex: u16) -> Self {
-        Self(Self::light_u(vertex).0 + 1)
-    }
-    /// First coordinate of the scattered direction.
-    #[must_use]
-    pub const fn lobe_u(vertex: u16) -> Self {
-        Self(Self::light_u(vertex).0 + 2)
-    }
-    /// Second coordinate of the scattered direction.
-    #[must_use]
-    pub const fn lobe_v(vertex: u16) -> Self {
-        Self(Self::light_u(vertex).0 + 3)
-    }
-    /// The `n`-th further number, independent of all else.
-    #[must_use]
-    pub const fn extra(n: u16) -> Self {
-        Self(Self::FIRST_EXTRA + n)
-    }
-
-    /// Its place in the fixed order film x, film y, shutter, lens u, lens v, light u, light v, lobe u, lobe v, …
-    #[must_use]
-    pub const fn index(self) -> u16 {
-        self.0
-    }
-
-    /// Whether it is one of [`Factor::extra`].
-    #[must_use]
-    pub const fn is_extra(self) -> bool {
-        self.0 >= Self::FIRST_EXTRA
-    }
-}
+pub use crate::factor::Factor;
 
 /// Which pixel of which picture: all of a draw's address but run and factor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
