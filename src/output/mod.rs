@@ -1,1 +1,20 @@
-//! output.
+//! Image → files: frames, fields, sequences and video streams.
+//!
+//! In: finished [`Picture`]s in order. Out: EXR, PNG, YUV4MPEG2, or whatever an installed ffmpeg encodes. A file is
+//! complete or not there; what was finished when something fails is kept.
+
+pub mod exr;
+pub mod file;
+pub mod pattern;
+pub mod picture;
+pub mod png;
+pub mod quantise;
+pub mod read;
+pub mod view;
+
+pub use exr::ExrDepth;
+pub use pattern::Pattern;
+pub use picture::{FieldOrder, Metadata, Picture, PixelAspect, Plane, Record};
+pub use png::{PngDepth, PngOptions};
+pub use quantise::Dither;
+pub use view::{View, ViewTransform};

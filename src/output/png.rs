@@ -1,0 +1,115 @@
+//! PNG files: what a screen shows, 8 or 16 bits, with the record of what made them.
+
+use super::picture::Picture;
+use super::quantise::{Dither, Place, ascii_json};
+use super::view::{View, ViewTransform};
+use crate::{Error, Result};
+use std::path::Path;
+
+/// Bits of each channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PngDepth {
+    /// 8 bits.
+    #[default]
+    Eight,
+    /// 16 bits.
+    Sixteen,
+}
+
+/// How a picture becomes a PNG.
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+pub struct PngOptions {
+    /// Bits of each channel.
+    pub depth: PngDepth,
+    /// Display transform.
+    pub view: View,
+    /// How codes are chosen.
+    pub dither: Dither,
+}
+
+/// Keywords of our text chunks.
+pub(super) mod names {
+    pub(crate) const SETTINGS: &str = "graeco:settings";
+    pub(crate) const SETTINGS_HASH: &str = "graeco:settings-hash";
+    pub(crate) const SCENE_HASH: &str = "graeco:scene-hash";
+    pub(crate) const SEED: &str = "graeco:seed";
+    pub(crate) const FRAME: &str = "graeco:frame";
+    pub(crate) const VIEW: &str = "graeco:view";
+}
+
+/// The file's bytes. A crop is written as a picture of its own size: PNG has no window.
+///
+/// # Errors
+/// If the picture is inconsistent.
+pub fn encode(picture: &Picture, options: PngOptions, path: &Path) -> Result<Vec<u8>> {
+    picture.validate()?;
+    let bad = |error: png::EncodingError| Error::Picture {
+        path: path.to_path_buf(),
+        problem: format!("cannot encode: {error}"),
+    };
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, picture.window.width, picture.window.height);
+    encoder.set_color(if picture.alpha.is_some() { png::ColorType::Rgba } else { png::ColorType::Rgb });
+    encoder.set_depth(match options.depth {
+        PngDepth::Eight => png::BitDepth::Eight,
+        PngDepth::Sixteen => png::BitDepth::Sixteen,
+    });
+    if options.view.transform != ViewTransform::Bt709 {
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    }
+    let aspect = picture.metadata.pixel_aspect;
+    if aspect.width != aspect.height {
+        // Narrow pixels stand denser along x.
+        let dimensions = png::PixelDimensions { xppu: aspect.height, yppu: aspect.width, unit: png::Unit::Unspecified };
+        encoder.set_pixel_dims(Some(dimensions));
+    }
+    let record = &picture.metadata.record;
+    for (keyword, text) in [
+        ("Software", record.program.clone()),
+        (names::SETTINGS, ascii_json(&record.settings)),
+        (names::SETTINGS_HASH, record.settings_hash.clone()),
+        (names::SCENE_HASH, record.scene_hash.clone()),
+        (names::SEED, record.seed.to_string()),
+        (names::FRAME, picture.metadata.frame.to_string()),
+        (names::VIEW, format!("{} {} EV", options.view.transform, options.view.exposure_ev)),
+    ] {
+        encoder.add_text_chunk(keyword.to_owned(), text).map_err(bad)?;
+    }
+    let mut writer = encoder.write_header().map_err(bad)?;
+    if options.view.transform == ViewTransform::Bt709 {
+        // PNG 3rd edition §11.3.2.6: BT.709 primaries and transfer, R'G'B', full range.
+        writer.write_chunk(png::chunk::ChunkType(*b"cICP"), &[1, 1, 0, 1]).map_err(bad)?;
+    }
+    writer.write_image_data(&codes(picture, options)).map_err(bad)?;
+    writer.finish().map_err(bad)?;
+    Ok(bytes)
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "window columns and codes are within their types")]
+fn codes(picture: &Picture, options: PngOptions) -> Vec<u8> {
+    let highest = match options.depth {
+        PngDepth::Eight => 255_u16,
+        PngDepth::Sixteen => u16::MAX,
+    };
+    let mut bytes = Vec::with_capacity(picture.rgb.len() * 8);
+    for (index, &rgb) in picture.rgb.iter().enumerate() {
+        let (x, row) = (index as u32 % picture.window.width, index as u32 / picture.window.width);
+        let shown = options.view.encode(rgb).to_array();
+        let alpha = picture.alpha.as_ref().map(|alpha| f64::from(alpha[index].clamp(0.0, 1.0)));
+        for (channel, value) in (0..).zip(shown.into_iter().chain(alpha)) {
+            let place = Place {
+                x: x + picture.window.x,
+                line: row + picture.window.y,
+                channel,
+                instant: picture.metadata.frame,
+            };
+            let code = options.dither.code(value * f64::from(highest), 0, highest, place);
+            match options.depth {
+                PngDepth::Eight => bytes.push(code as u8),
+                PngDepth::Sixteen => bytes.extend(code.to_be_bytes()),
+            }
+        }
+    }
+    bytes
+}
