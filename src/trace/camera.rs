@@ -99,7 +99,7 @@ pub fn disk_from_square(u: f32, v: f32) -> (f32, f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design::{Design, Kind, PixelAddress};
+    use crate::design::{Design, DesignOptions, PixelAddress};
     use crate::scene::Motion;
     use glam::Affine3A;
 
@@ -116,7 +116,8 @@ mod tests {
     #[test]
     fn rays_through_any_lens_point_meet_in_the_plane_of_focus() {
         let (pinhole, lens) = (camera(0.0, 1.0), camera(0.3, 5.0));
-        let design = Design::new(Kind::Random, 64, &[Factor::LENS_U, Factor::LENS_V], 3);
+        let design =
+            Design::new(&DesignOptions { runs: 64, seed: 3, ..Default::default() }, &[Factor::LENS_U, Factor::LENS_V]);
         let pixel = design.pixel(PixelAddress { x: 0, y: 0, frame: 0, field: 0 });
         let film = FilmPoint { position: DVec2::new(11.3, 40.2), u_time: 0.0 };
         for run in 0..64 {
@@ -130,8 +131,9 @@ mod tests {
     #[test]
     fn the_picture_is_upright_and_its_pixels_square() {
         let camera = camera(0.0, 1.0);
-        let design = Design::new(Kind::Random, 1, &[], 0);
-        let point = design.pixel(PixelAddress { x: 0, y: 0, frame: 0, field: 0 }).point(0);
+        let design = Design::new(&DesignOptions { runs: 1, ..Default::default() }, &[]);
+        let pixel = design.pixel(PixelAddress { x: 0, y: 0, frame: 0, field: 0 });
+        let point = pixel.point(0);
         let at =
             |x: f64, y: f64| camera.ray(FilmPoint { position: DVec2::new(x, y), u_time: 0.0 }, &point).ray.direction;
         let (centre, right, up) = (at(32.0, 24.0), at(33.0, 24.0), at(32.0, 23.0));
