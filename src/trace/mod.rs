@@ -6,10 +6,13 @@
 pub mod accel;
 pub mod bsdf;
 pub mod camera;
+pub mod environment;
 pub mod lights;
 pub mod ray;
 pub mod surface;
 pub mod tally;
+pub mod texture;
+pub mod warp;
 
 pub use ray::{Hit, Ray};
 

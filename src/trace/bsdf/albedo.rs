@@ -1,0 +1,299 @@
+//! Directional albedos of the lobes: how much a lobe reflects in all, by the cosine of view and roughness.
+//!
+//! Computed once, at first use, by quadrature over visible normals with a rank-1 lattice; nothing is fitted. They
+//! serve three purposes: light lost between facets is given back (Turquin 2019, "Practical multiple scattering
+//! compensation for microfacet models"), what a layer reflects is withheld from the layers below (Kulla and Conty
+//! 2017), and lobes are chosen in proportion to what they reflect.
+//!
+//! Every Schlick reflectance F = F₀ + (F₉₀ − F₀)(1 − cos)⁵ has the albedo F₀ S + (F₉₀ − F₀) B, with S the albedo of a
+//! perfect mirror facet and B that of Schlick's weight alone; so two tables serve all materials.
+
+use super::fresnel::{dielectric, schlick_weight};
+use super::ggx::{Ggx, reflect, refract};
+use super::sheen;
+use glam::{Vec2, Vec3A};
+use std::sync::LazyLock;
+
+/// Rows and columns of a table: an axis of cosine and one of perceptual roughness, in steps of 1/(SIDE − 1).
+const SIDE: usize = 64;
+/// Points of the lattice for each entry.
+const POINTS: u32 = 1024;
+
+/// How the cosine of view runs along a table.
+#[derive(Debug, Clone, Copy)]
+enum Axis {
+    /// By its square root.
+    Root,
+    /// By (1 + k) c / (k + c) with k = α: shadowing sets in where the cosine falls below α, so it looks alike at
+    /// every roughness on this scale.
+    Shadowing,
+}
+
+impl Axis {
+    #[inline]
+    fn place(self, cos: f32, roughness: f32) -> f32 {
+        match self {
+            Self::Root => cos.sqrt(),
+            Self::Shadowing => {
+                let k = Self::k(roughness);
+                (1.0 + k) * cos / (k + cos)
+            }
+        }
+    }
+
+    fn cosine(self, x: f32, roughness: f32) -> f32 {
+        match self {
+            Self::Root => x * x,
+            Self::Shadowing => {
+                let k = Self::k(roughness);
+                k * x / (1.0 + k - x)
+            }
+        }
+    }
+
+    #[inline]
+    fn k(roughness: f32) -> f32 {
+        (roughness * roughness).max(super::ALPHA_SPECULAR)
+    }
+}
+
+/// A function of cosine and perceptual roughness, tabulated.
+#[derive(Debug)]
+pub(super) struct Table {
+    axis: Axis,
+    side: usize,
+    values: Vec<f32>,
+}
+
+impl Table {
+    fn build(axis: Axis, side: usize, value: impl Fn(f32, f32) -> f32) -> Self {
+        let step = 1.0 / (side - 1) as f32;
+        let values = (0..side * side).map(|i| {
+            let (row, column) = (i / side, i % side);
+            // The lowest row stands for the narrowest lobe that is not a mirror.
+            let roughness = (row as f32 * step).max(super::ALPHA_SPECULAR.sqrt());
+            value(axis.cosine(column as f32 * step, roughness).clamp(LEAST_COSINE, 1.0), roughness)
+        });
+        Self { axis, side, values: values.collect() }
+    }
+
+    /// Bilinear in the axes.
+    #[inline]
+    pub(super) fn at(&self, cos: f32, roughness: f32) -> f32 {
+        let last = (self.side - 1) as f32;
+        let roughness = roughness.clamp(0.0, 1.0);
+        let (column, x) = cell(self.axis.place(cos.clamp(0.0, 1.0), roughness) * last, self.side);
+        let (row, y) = cell(roughness * last, self.side);
+        let at = |r: usize, c: usize| self.values[r * self.side + c];
+        let lower = at(row, column) * (1.0 - x) + at(row, column + 1) * x;
+        let upper = at(row + 1, column) * (1.0 - x) + at(row + 1, column + 1) * x;
+        lower * (1.0 - y) + upper * y
+    }
+}
+
+/// The cosine that stands for 0 in the tables: at 0 itself a view ray grazes every facet.
+const LEAST_COSINE: f32 = 1e-5;
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a table index")]
+fn cell(x: f32, side: usize) -> (usize, f32) {
+    let below = (x as usize).min(side - 2);
+    (below, x - below as f32)
+}
+
+/// The `i`-th of `POINTS` points of a rank-1 lattice (Fibonacci-like: the golden ratio's fraction), centred.
+fn lattice(i: u32, points: u32) -> Vec2 {
+    let x = (f64::from(i) + 0.5) / f64::from(points);
+    let y = (f64::from(i) * 0.618_033_988_749_894_9 + 0.5).fract();
+    Vec2::new(x as f32, y as f32)
+}
+
+fn view(cos: f32) -> Vec3A {
+    Vec3A::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos)
+}
+
+fn ggx_mean(cos: f32, roughness: f32, weight: impl Fn(f32) -> f32) -> f32 {
+    let alpha = roughness * roughness;
+    let (ggx, wo) = (Ggx { alpha: Vec2::splat(alpha) }, view(cos));
+    let mut sum = 0.0_f64;
+    for i in 0..POINTS {
+        let h = ggx.visible_normal(wo, lattice(i, POINTS));
+        let wi = reflect(wo, h);
+        if wi.z > 0.0 {
+            sum += f64::from(ggx.shadowing(wo, wi) * weight(wo.dot(h)));
+        }
+    }
+    (sum / f64::from(POINTS)) as f32
+}
+
+static MIRROR: LazyLock<Table> =
+    LazyLock::new(|| Table::build(Axis::Shadowing, SIDE, |cos, r| ggx_mean(cos, r, |_| 1.0)));
+/// Albedo of Schlick's weight relative to that of a mirror: the mean weight of what is reflected.
+static SCHLICK: LazyLock<Table> = LazyLock::new(|| {
+    Table::build(Axis::Root, SIDE, |cos, r| ggx_mean(cos, r, schlick_weight) / ggx_mean(cos, r, |_| 1.0))
+});
+static SHEEN: LazyLock<Table> = LazyLock::new(|| Table::build(Axis::Root, 32, sheen_mean));
+
+/// Means over the hemisphere, ∫ 2 cos E dcos, of the four functions that a Schlick lobe's compensated albedo is made
+/// of; by roughness.
+static MEANS: LazyLock<Vec<[f32; 4]>> = LazyLock::new(|| {
+    const STEPS: u32 = 256;
+    (0..SIDE)
+        .map(|row| {
+            let roughness = row as f32 / (SIDE - 1) as f32;
+            let mut sum = [0.0_f64; 4];
+            for i in 0..STEPS {
+                let cos = (f64::from(i) + 0.5) / f64::from(STEPS);
+                let g = GgxAlbedo::at(cos as f32, roughness);
+                let lost = g.lost();
+                for (s, v) in sum.iter_mut().zip([g.mirror, g.schlick, g.mirror * lost, g.schlick * lost]) {
+                    *s += 2.0 * cos * f64::from(v) / f64::from(STEPS);
+                }
+            }
+            sum.map(|s| s as f32)
+        })
+        .collect()
+});
+
+/// The two GGX albedos at one cosine and roughness.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GgxAlbedo {
+    /// Of facets that reflect everything.
+    pub(super) mirror: f32,
+    /// Of facets that reflect Schlick's weight.
+    pub(super) schlick: f32,
+}
+
+impl GgxAlbedo {
+    #[inline]
+    pub(super) fn at(cos: f32, roughness: f32) -> Self {
+        if roughness * roughness < super::ALPHA_SPECULAR {
+            return Self { mirror: 1.0, schlick: schlick_weight(cos) };
+        }
+        let mirror = MIRROR.at(cos, roughness);
+        Self { mirror, schlick: mirror * SCHLICK.at(cos, roughness) }
+    }
+
+    /// Light lost between facets, relative to what is reflected: 1 / S − 1.
+    #[inline]
+    pub(super) fn lost(self) -> f32 {
+        1.0 / self.mirror - 1.0
+    }
+
+    /// Albedo of a Schlick lobe after compensation: (F₀ S + (F₉₀ − F₀) B)(1 + F₀ (1/S − 1)).
+    #[inline]
+    pub(super) fn compensated(self, f0: f32, f90: f32) -> f32 {
+        (f0 * self.mirror + (f90 - f0) * self.schlick) * (1.0 + f0 * self.lost())
+    }
+}
+
+/// Mean over the hemisphere of [`GgxAlbedo::compensated`].
+#[inline]
+pub(super) fn mean_compensated(roughness: f32, f0: f32, f90: f32) -> f32 {
+    let (row, y) = cell(roughness.clamp(0.0, 1.0) * (SIDE - 1) as f32, SIDE);
+    let [s, b, s_lost, b_lost]: [f32; 4] = if roughness * roughness < super::ALPHA_SPECULAR {
+        // ∫ 2 c (1 − c)⁵ dc = 2 (1/6 − 1/7) = 1/21.
+        [1.0, 1.0 / 21.0, 0.0, 0.0]
+    } else {
+        std::array::from_fn(|i| MEANS[row][i] * (1.0 - y) + MEANS[row + 1][i] * y)
+    };
+    f0 * s + (f90 - f0) * b + f0 * (f0 * s_lost + (f90 - f0) * b_lost)
+}
+
+fn sheen_mean(cos: f32, roughness: f32) -> f32 {
+    let wo = view(cos);
+    let mut sum = 0.0_f64;
+    const N: u32 = 4096;
+    for i in 0..N {
+        let wi = crate::trace::warp::uniform_hemisphere_from_square(lattice(i, N));
+        sum += f64::from(sheen::value(sheen::alpha(roughness), wo, wi));
+    }
+    (sum / f64::from(N) / f64::from(crate::trace::warp::uniform_hemisphere_pdf())) as f32
+}
+
+/// Albedo of white sheen.
+#[inline]
+pub(super) fn sheen_albedo(cos: f32, roughness: f32) -> f32 {
+    SHEEN.at(cos, roughness)
+}
+
+/// Albedos of a rough dielectric boundary of one index ratio, by cosine and roughness.
+#[derive(Debug)]
+pub(super) struct Glass {
+    total: Table,
+    /// Reflection's share of the total.
+    reflected: Table,
+}
+
+impl Glass {
+    /// Tabulates the boundary behind which the medium is `eta` times as dense.
+    pub(super) fn new(eta: f32) -> Self {
+        const GLASS_SIDE: usize = 24;
+        let share = |(r, t): (f32, f32)| if r + t > 0.0 { r / (r + t) } else { 1.0 };
+        Self {
+            total: Table::build(Axis::Shadowing, GLASS_SIDE, |cos, r| {
+                let (reflected, transmitted) = glass_mean(cos, r, eta);
+                reflected + transmitted
+            }),
+            reflected: Table::build(Axis::Root, GLASS_SIDE, |cos, r| share(glass_mean(cos, r, eta))),
+        }
+    }
+
+    /// What single scattering reflects and transmits.
+    pub(super) fn at(&self, cos: f32, roughness: f32) -> (f32, f32) {
+        let (total, share) = (self.total.at(cos, roughness), self.reflected.at(cos, roughness));
+        (total * share, total * (1.0 - share))
+    }
+}
+
+fn glass_mean(cos: f32, roughness: f32, eta: f32) -> (f32, f32) {
+    const N: u32 = 256;
+    let alpha = roughness * roughness;
+    let (ggx, wo) = (Ggx { alpha: Vec2::splat(alpha) }, view(cos));
+    let (mut reflected, mut transmitted) = (0.0_f64, 0.0_f64);
+    for i in 0..N {
+        let h = ggx.visible_normal(wo, lattice(i, N));
+        let f = dielectric(wo.dot(h), eta);
+        let r = reflect(wo, h);
+        if r.z > 0.0 {
+            reflected += f64::from(f * ggx.shadowing(wo, r));
+        }
+        if let Some(t) = refract(wo, h, eta)
+            && t.z < 0.0
+        {
+            transmitted += f64::from((1.0 - f) * ggx.shadowing(wo, t));
+        }
+    }
+    ((reflected / f64::from(N)) as f32, (transmitted / f64::from(N)) as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The tables against quadrature between their entries: the error that a white furnace can show.
+    #[test]
+    fn interpolated_albedos_are_within_two_thousandths() {
+        let mut worst = (0.0_f32, 0.0, 0.0);
+        for i in 0..40_u16 {
+            for j in 0..40_u16 {
+                let (cos, r) = ((f32::from(i) + 0.37) / 40.0, (f32::from(j) + 0.61) / 40.0);
+                let error = (GgxAlbedo::at(cos, r).mirror - ggx_mean(cos, r, |_| 1.0)).abs();
+                if error > worst.0 {
+                    worst = (error, cos, r);
+                }
+            }
+        }
+        assert!(worst.0 < 2e-3, "{worst:?}");
+    }
+
+    #[test]
+    fn a_compensated_mirror_reflects_everything() {
+        for i in 1..=20_u16 {
+            for j in 0..=20_u16 {
+                let g = GgxAlbedo::at(f32::from(i) / 20.0, f32::from(j) / 20.0);
+                assert!((g.compensated(1.0, 1.0) - 1.0).abs() < 1e-5);
+                assert!(g.compensated(0.04, 1.0) <= 1.0);
+            }
+        }
+    }
+}

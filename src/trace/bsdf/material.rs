@@ -1,0 +1,122 @@
+//! What is prepared once for each material of a scene.
+
+use super::albedo::Glass;
+use crate::scene::{AlphaMode, Material, MaterialId, Scene};
+use crate::trace::texture::{ColorSpace, Footprint, TextureFilter, Textures};
+use glam::{Vec2, Vec3};
+
+/// A homogeneous medium behind a refracting boundary.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Medium {
+    /// Index of refraction.
+    pub ior: f32,
+    /// Absorption σ in 1/m by channel: light over a distance d keeps exp(−σ d).
+    pub absorption: Vec3,
+}
+
+impl Medium {
+    /// What is left of light after `distance` metres (Beer and Lambert).
+    #[must_use]
+    pub fn transmittance(&self, distance: f32) -> Vec3 {
+        (self.absorption * distance.min(f32::MAX)).map(|x| if x > 0.0 { libm::expf(-x) } else { 1.0 })
+    }
+}
+
+/// Textures and tables of a scene's materials.
+#[derive(Debug)]
+pub struct Materials {
+    pub(super) textures: Textures,
+    /// By material: albedos of its refracting boundary from outside and from inside.
+    pub(super) glass: Vec<Option<[Glass; 2]>>,
+    media: Vec<Option<Medium>>,
+}
+
+impl Materials {
+    /// Prepares the scene's materials for lookups under `filter`.
+    #[must_use]
+    pub fn new(scene: &Scene, filter: TextureFilter) -> Self {
+        let media: Vec<_> = scene.materials.iter().map(medium_of).collect();
+        let glass = scene
+            .materials
+            .iter()
+            .zip(&media)
+            .map(|(material, medium)| {
+                let rough = material.roughness > 0.0;
+                medium.filter(|_| rough).map(|m| [Glass::new(m.ior), Glass::new(1.0 / m.ior)])
+            })
+            .collect();
+        Self { textures: Textures::new(scene, filter), glass, media }
+    }
+
+    /// The prepared textures.
+    #[must_use]
+    pub fn textures(&self) -> &Textures {
+        &self.textures
+    }
+
+    /// The medium behind `material`'s surface, if it has a volume.
+    #[must_use]
+    pub fn medium(&self, material: MaterialId) -> Option<Medium> {
+        self.media[material]
+    }
+
+    /// How much of the surface is there, [0, 1], before its facing is considered: masks give 0 or 1.
+    #[must_use]
+    pub fn alpha(
+        &self,
+        scene: &Scene,
+        material: MaterialId,
+        uvs: &[Vec2],
+        vertex_alpha: f32,
+        footprint: Footprint,
+    ) -> f32 {
+        let material = &scene.materials[material];
+        if material.alpha_mode == AlphaMode::Opaque {
+            return 1.0;
+        }
+        let mut alpha = material.base_color.w * vertex_alpha;
+        if let Some(reference) = &material.base_color_texture {
+            alpha *= self.textures.fetch(scene, reference, ColorSpace::Srgb, uvs, footprint).w;
+        }
+        resolved_alpha(material.alpha_mode, alpha)
+    }
+
+    /// Radiance that `material` emits at `uvs`, before its facing is considered.
+    #[must_use]
+    pub fn emission(&self, scene: &Scene, material: MaterialId, uvs: &[Vec2], footprint: Footprint) -> Vec3 {
+        let material = &scene.materials[material];
+        if material.unlit || material.emissive == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        match &material.emissive_texture {
+            None => material.emissive,
+            Some(reference) => {
+                material.emissive * self.textures.fetch(scene, reference, ColorSpace::Srgb, uvs, footprint).truncate()
+            }
+        }
+    }
+}
+
+/// Alpha as its mode means it.
+pub(super) fn resolved_alpha(mode: AlphaMode, alpha: f32) -> f32 {
+    match mode {
+        AlphaMode::Opaque => 1.0,
+        AlphaMode::Mask { cutoff } => f32::from(u8::from(alpha >= cutoff)),
+        AlphaMode::Blend => alpha.clamp(0.0, 1.0),
+    }
+}
+
+fn medium_of(material: &Material) -> Option<Medium> {
+    let volume = material.transmission.as_ref()?.volume?;
+    // ln 0 is infinite and infinity times a distance of 0 is NaN: black is taken as the least normal number, which
+    // leaves e⁻⁸⁷ after the attenuation distance.
+    let absorption = if volume.attenuation_distance.is_finite() {
+        let distance = volume.attenuation_distance.max(f32::MIN_POSITIVE);
+        volume.attenuation_color.map(|c| (-libm::logf(c.clamp(f32::MIN_POSITIVE, 1.0)) / distance).clamp(0.0, f32::MAX))
+    } else {
+        Vec3::ZERO
+    };
+    // The special index 0 has no refraction: its surface reflects all.
+    let ior = if material.ior > 0.0 { material.ior.max(1.0) } else { 1.5 };
+    Some(Medium { ior, absorption })
+}

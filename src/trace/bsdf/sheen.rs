@@ -1,0 +1,46 @@
+//! Sheen of `KHR_materials_sheen`: the "Charlie" distribution of Estevez and Kulla (2017), "Production Friendly
+//! Microfacet Sheen BRDF".
+
+use glam::Vec3A;
+use std::f32::consts::TAU;
+
+/// The least α: at 0.001 the lobe's exponent 1/α is 1000 and sin^1000 spans all of `f32` within 24 degrees of
+/// grazing facets; rougher than that is roughness 0.032.
+const LEAST_ALPHA: f32 = 1e-3;
+
+/// α from perceptual roughness.
+#[inline]
+pub(super) fn alpha(roughness: f32) -> f32 {
+    (roughness * roughness).max(LEAST_ALPHA)
+}
+
+/// The least cosine of view that the lobe is divided by: below it the lobe is held constant. A grazing view of 0.006
+/// degrees; the albedo that scales the lobe is tabulated from the same value.
+const LEAST_COSINE: f32 = 1e-4;
+
+/// f · cosᵢ of white sheen for directions on the normal's side.
+#[inline]
+pub(super) fn value(alpha: f32, wo: Vec3A, wi: Vec3A) -> f32 {
+    let h = wo + wi;
+    let length2 = h.length_squared();
+    if length2 <= 0.0 || wo.z <= 0.0 || wi.z <= 0.0 {
+        return 0.0;
+    }
+    let sin2 = ((h.x * h.x + h.y * h.y) / length2).min(1.0);
+    let inverse = 1.0 / alpha;
+    let density = (2.0 + inverse) * libm::powf(sin2, 0.5 * inverse) / TAU;
+    // V = 1 / ((1 + Λₒ + Λᵢ) 4 cosₒ cosᵢ), times cosᵢ.
+    density / ((1.0 + lambda(wo.z, alpha) + lambda(wi.z, alpha)) * 4.0 * wo.z.max(LEAST_COSINE))
+}
+
+/// Smith's Λ fitted by Estevez and Kulla (2017, §3, table 1 and eq. 3).
+fn lambda(cos: f32, alpha: f32) -> f32 {
+    let l = |x: f32| {
+        let t = (1.0 - alpha) * (1.0 - alpha);
+        let mix = |a: f32, b: f32| t * a + (1.0 - t) * b;
+        let (a, b, c) = (mix(25.3245, 21.5473), mix(3.324_35, 3.829_87), mix(0.168_01, 0.198_23));
+        let (d, e) = (mix(-1.273_93, -1.977_6), mix(-4.859_67, -4.320_54));
+        a / (1.0 + b * libm::powf(x, c)) + d * x + e
+    };
+    if cos < 0.5 { libm::expf(l(cos)) } else { libm::expf(2.0 * l(0.5) - l(1.0 - cos)) }
+}

@@ -1,0 +1,1 @@
+//! Furnaces, and sampling against evaluation.
