@@ -4,7 +4,7 @@
 //! an interlaced field is two, centred on its line (Mitchell 1990, §6, figure 21); with a rolling shutter the exposure's
 //! opening is linear in the line. Whatever stands after the footprint sees positions and times only.
 
-use super::Filter;
+use super::{Filter, ShutterCurve};
 use crate::time::{Exposure, Parity};
 use crate::trace::FilmPoint;
 use crate::{Error, Result};
@@ -34,6 +34,8 @@ pub struct Footprint {
     pub height: f64,
     /// When each line is exposed.
     pub scan: Scan,
+    /// How much each instant of a line's exposure counts.
+    pub shutter: ShutterCurve,
 }
 
 impl Default for Footprint {
@@ -44,7 +46,7 @@ impl Default for Footprint {
 
 impl Footprint {
     /// One pixel by one line, all lines exposed together.
-    pub const PROGRESSIVE: Self = Self { width: 1.0, height: 1.0, scan: Scan::Global };
+    pub const PROGRESSIVE: Self = Self { width: 1.0, height: 1.0, scan: Scan::Global, shutter: ShutterCurve::BOX };
 
     /// A pixel of an interlaced field: `line_height` lines of the frame high, centred on its line.
     ///
@@ -85,15 +87,23 @@ impl Footprint {
         Ok((Self { scan, ..self }, interval))
     }
 
-    /// The time, as u in [0, 1] of the stage's interval, at `u_shutter` in [0, 1) of the exposure of line `line`.
+    /// The same footprint behind a shutter that weights time by `shutter`.
+    #[must_use]
+    pub fn with_shutter(self, shutter: ShutterCurve) -> Self {
+        Self { shutter, ..self }
+    }
+
+    /// The time, as u in [0, 1] of the stage's interval, at `u_shutter` in [0, 1) of the exposure of line `line`,
+    /// which the shutter's curve warps: every sample counts one.
     #[must_use]
     #[inline]
     #[allow(clippy::cast_possible_truncation, reason = "u_time is f32 by contract")]
     pub fn u_time(&self, line: i32, u_shutter: f32) -> f32 {
+        let u_exposure = self.shutter.time_from_unit(u_shutter);
         match self.scan {
-            Scan::Global => u_shutter,
+            Scan::Global => u_exposure,
             Scan::Rolling { step, duration } => {
-                let u = step * f64::from(line) + duration * f64::from(u_shutter);
+                let u = step * f64::from(line) + duration * f64::from(u_exposure);
                 (u as f32).clamp(0.0, 1.0)
             }
         }

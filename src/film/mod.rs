@@ -9,9 +9,11 @@ mod estimates;
 mod filter;
 mod footprint;
 mod kernel;
+mod shutter;
 
 pub use accumulate::{PixelAccumulator, PixelEstimate};
 pub use estimates::{Film, Window};
 pub use filter::Filter;
 pub use footprint::{Footprint, Lines, Scan};
 pub use kernel::{FilterSpec, Kernel};
+pub use shutter::{MOST_KNOTS, ShutterCurve};
