@@ -10,6 +10,8 @@ pub mod picture;
 pub mod png;
 pub mod quantise;
 pub mod read;
+pub mod sink;
+pub mod video;
 pub mod view;
 
 pub use exr::ExrDepth;
@@ -17,4 +19,5 @@ pub use pattern::Pattern;
 pub use picture::{FieldOrder, Metadata, Picture, PixelAspect, Plane, Record};
 pub use png::{PngDepth, PngOptions};
 pub use quantise::Dither;
+pub use sink::{Cadence, Destination, FieldFiles, FrameFormat, OutputTarget};
 pub use view::{View, ViewTransform};
