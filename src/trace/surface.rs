@@ -1,7 +1,10 @@
 //! What a ray met: position with its error bound, normals, texture coordinates.
 
-use crate::scene::{MaterialId, MeshId};
-use glam::{Vec2, Vec3A, Vec4};
+use super::accel::absolute;
+use super::ray::Hit;
+use crate::numeric::gamma;
+use crate::scene::{MaterialId, Mesh, MeshId};
+use glam::{Affine3A, DVec3, Mat3A, Vec2, Vec3A, Vec4};
 
 /// The most texture coordinate sets that a material may read.
 pub const MAX_UV_SETS: usize = 4;
@@ -36,4 +39,141 @@ pub struct SurfacePoint {
     pub triangle_area: f32,
     /// Area of the triangle in texture space (set 0) over its area in world space: for texture filtering; 0 if none.
     pub uv_density: f32,
+}
+
+/// A triangle's corners at the ray's instant.
+pub(super) struct Corners {
+    /// In the space in which it was intersected.
+    pub(super) space: [Vec3A; 3],
+    /// World from that space; `None` if it is the world's.
+    pub(super) transform: Option<Affine3A>,
+    /// World from the geometry's space: where normals and tangents are given.
+    pub(super) matrix: Affine3A,
+}
+
+/// What varies over a triangle and with time, in the geometry's space; zero where the mesh has none.
+pub(super) struct Vertex {
+    pub(super) normal: Vec3A,
+    pub(super) tangent: Vec4,
+}
+
+impl SurfacePoint {
+    /// The point at `hit` of a triangle of `mesh`.
+    #[allow(clippy::cast_possible_truncation, reason = "results are stored as f32")]
+    pub(super) fn new(mesh: &Mesh, id: MeshId, hit: &Hit, corners: &Corners, vertices: &[Vertex; 3]) -> Self {
+        let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+        let (position, error) = located(&corners.space, weights, corners.transform.as_ref());
+        let side = if corners.matrix.matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
+        let cofactors = cofactors(&corners.matrix.matrix3) * side;
+        let (geometric_normal, triangle_area) = face(corners, &cofactors, side);
+        let blended = |value: &dyn Fn(&Vertex) -> Vec3A| {
+            value(&vertices[0]) * weights[0] + value(&vertices[1]) * weights[1] + value(&vertices[2]) * weights[2]
+        };
+        let normal = unit(cofactors * blended(&|v| v.normal))
+            .map_or(geometric_normal, |n| if n.dot(geometric_normal) < 0.0 { -n } else { n });
+        let along = corners.matrix.matrix3 * blended(&|v| Vec3A::from_vec4(v.tangent));
+        // A mirrored frame has the other handedness.
+        let tangent = unit(along).map_or(Vec4::ZERO, |t| t.extend(vertices[0].tangent.w * side));
+        let indices = mesh.triangles[hit.triangle as usize].map(|i| i as usize);
+        let mut uvs = [Vec2::ZERO; MAX_UV_SETS];
+        for (uv, set) in uvs.iter_mut().zip(&mesh.uvs) {
+            *uv = set[indices[0]] * weights[0] + set[indices[1]] * weights[1] + set[indices[2]] * weights[2];
+        }
+        let uv_area = mesh.uvs.first().map_or(0.0, |set| {
+            let [a, b, c] = indices.map(|i| set[i]);
+            0.5 * (b - a).perp_dot(c - a).abs()
+        });
+        let color = if mesh.colors.is_empty() {
+            Vec4::ONE
+        } else {
+            let [a, b, c] = indices.map(|i| mesh.colors[i]);
+            a * weights[0] + b * weights[1] + c * weights[2]
+        };
+        Self {
+            position,
+            error,
+            geometric_normal,
+            normal,
+            tangent,
+            uvs,
+            color,
+            material: mesh.material,
+            mesh: id,
+            instance: hit.instance,
+            triangle: hit.triangle,
+            triangle_area: triangle_area as f32,
+            uv_density: if triangle_area > 0.0 { (f64::from(uv_area) / triangle_area) as f32 } else { 0.0 },
+        }
+    }
+
+    /// Where a ray that leaves in `direction` starts: off the surface by the error bound of the point, along the
+    /// geometric normal towards the direction's side, and rounded away from it (Pharr, Jakob and Humphreys 2023, §6.8.6).
+    #[must_use]
+    pub fn spawn_origin(&self, direction: Vec3A) -> Vec3A {
+        let n = self.geometric_normal;
+        let distance = n.abs().dot(self.error);
+        let offset = if direction.dot(n) < 0.0 { n * -distance } else { n * distance };
+        let moved = self.position + offset;
+        Vec3A::from_array(std::array::from_fn(|axis| match offset[axis] {
+            o if o > 0.0 => moved[axis].next_up(),
+            o if o < 0.0 => moved[axis].next_down(),
+            _ => moved[axis],
+        }))
+    }
+}
+
+/// The point with weights `weights`, in the world, and a bound on its error.
+///
+/// Blending three corners makes three roundings a coordinate, and the weights sum to one within one more: γ₇ of the sum of
+/// absolute values bounds all (Pharr, Jakob and Humphreys 2023, §6.8.5). A transform adds γ₄ of its own absolute sum. A ray
+/// that starts there is taken back by the inverse, whose entries carry a few roundings each: γ₁₂ of the absolute sum in
+/// the geometry's space, seen from the world.
+fn located(corners: &[Vec3A; 3], weights: [f32; 3], transform: Option<&Affine3A>) -> (Vec3A, Vec3A) {
+    let parts = [corners[0] * weights[0], corners[1] * weights[1], corners[2] * weights[2]];
+    let p = parts[0] + parts[1] + parts[2];
+    let error = (parts[0].abs() + parts[1].abs() + parts[2].abs()) * gamma(7);
+    let Some(m) = transform else { return (p, error) };
+    let world = m.transform_point3a(p);
+    let size = absolute(m);
+    let forward = size.transform_vector3a(error) * (1.0 + gamma(4)) + size.transform_point3a(p.abs()) * gamma(4);
+    let inverse = m.inverse();
+    let back = absolute(&inverse).transform_point3a(world.abs()) * gamma(12);
+    let back = size.transform_vector3a(back);
+    (world, forward + if back.is_finite() { back } else { Vec3A::ZERO })
+}
+
+/// Unit normal of the front side, and area in the world.
+fn face(corners: &Corners, cofactors: &Mat3A, side: f32) -> (Vec3A, f64) {
+    let cross = |p: [DVec3; 3]| (p[1] - p[0]).cross(p[2] - p[0]);
+    let space = corners.space.map(|p| p.as_dvec3());
+    let Some(m) = &corners.transform else {
+        // Winding in the world is the geometry's, reversed by a mirror.
+        let n = cross(space);
+        return (unit64(n * f64::from(side)), 0.5 * n.length());
+    };
+    let linear = m.matrix3;
+    let edges = [space[1] - space[0], space[2] - space[0]]
+        .map(|e| linear.x_axis.as_dvec3() * e.x + linear.y_axis.as_dvec3() * e.y + linear.z_axis.as_dvec3() * e.z);
+    let area = 0.5 * edges[0].cross(edges[1]).length();
+    let n = cross(space);
+    let n = cofactors.x_axis.as_dvec3() * n.x + cofactors.y_axis.as_dvec3() * n.y + cofactors.z_axis.as_dvec3() * n.z;
+    (unit64(n), area)
+}
+
+/// The matrix of cofactors, det(m) m⁻ᵀ: takes normals along, singular matrices of rank two included.
+fn cofactors(m: &Mat3A) -> Mat3A {
+    Mat3A::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
+}
+
+/// `v` at length one; up where it has no direction (a triangle without area, which no ray hits).
+fn unit64(v: DVec3) -> Vec3A {
+    // Scaled first: squares of 1e-200 vanish.
+    let size = v.abs().max_element();
+    if size > 0.0 && size.is_finite() { (v / size).normalize().as_vec3a() } else { Vec3A::Y }
+}
+
+/// `v` at length one, if it has a direction.
+fn unit(v: Vec3A) -> Option<Vec3A> {
+    let size = v.abs().max_element();
+    (size > 0.0 && size.is_finite()).then(|| (v / size).normalize())
 }

@@ -1,0 +1,397 @@
+//! Which triangle a ray meets, and when: the structures of one exposure and their traversal.
+//!
+//! In: a [`Scene`] and the [`Stage`] of an exposure. Out: the nearest hit, or whether there is one, for rays at any time
+//! in [0, 1] of the exposure. Two levels: what never moves is one tree of triangles in the world; everything else is a
+//! tree of its own under a tree of places. Still and moving trees share their code and differ in whether bounds and
+//! corners are interpolated at the ray's time; a stage in which nothing moves runs none of the code for time.
+//!
+//! Hits do not depend on the shape of the trees, the order of traversal or the processor: the triangle test decides alone
+//! ([`block`]), boxes only spare it work and are conservative for it ([`frame`]), and equal distances go to the first
+//! instance and triangle.
+
+mod block;
+mod body;
+mod collapse;
+mod frame;
+mod linear;
+mod node;
+mod resolve;
+mod sweep;
+#[cfg(test)]
+mod tests;
+mod top;
+mod topology;
+mod tree;
+mod walk;
+mod world;
+
+pub use linear::Aabb;
+pub(in crate::trace) use linear::absolute;
+
+use crate::scene::{Geometry, Instance, MeshId, Motion, NodeId, Scene, Stage};
+use crate::trace::{Hit, Ray};
+use body::{Body, Form, Vertices};
+use glam::Affine3A;
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Instant;
+use top::{Place, Pose, Structures, Top};
+use walk::{Found, Goal, Query, WORLD};
+use world::{PartKey, World};
+
+/// What a build made, and what it cost.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Stats {
+    /// Bytes of all structures, shared ones once.
+    pub bytes: usize,
+    /// Triangles stored in structures that stand still.
+    pub still_triangles: usize,
+    /// Triangles stored in deforming structures.
+    pub moving_triangles: usize,
+    /// Instances that are not part of the world's structure.
+    pub places: usize,
+    /// Slabs of time of the top level.
+    pub slabs: usize,
+    /// Structures taken over from the previous frame.
+    pub reused: usize,
+    /// Structures refitted or built.
+    pub built: usize,
+    /// Seconds that the build took.
+    pub seconds: f64,
+}
+
+/// What identifies a structure from frame to frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum BodyKey {
+    /// A mesh at rest.
+    Rest(MeshId),
+    /// A mesh deformed or baked for the instance of a node, the n-th there.
+    Own(MeshId, NodeId, usize),
+}
+
+/// In which space an instance's triangles are intersected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Route {
+    /// The world's: vertices are placed there once, key by key.
+    Baked,
+    /// The geometry's own, which rays are transformed to.
+    Posed,
+    /// The geometry's own, which is the world's.
+    Same,
+}
+
+/// The structures of one exposure.
+#[derive(Debug)]
+pub struct Accel {
+    world: Option<Arc<World>>,
+    /// The stage's instance of each part of `world`.
+    world_instances: Vec<u32>,
+    places: Vec<Place>,
+    /// Of each of the stage's instances.
+    routes: Vec<Route>,
+    top: Top,
+    bodies: HashMap<BodyKey, Arc<Body>>,
+    bounds: Aabb,
+    stack: usize,
+    stats: Stats,
+    kernel: Kernel,
+}
+
+/// Which compilation of the traversal runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kernel {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+}
+
+impl Kernel {
+    fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            return Self::Avx2;
+        }
+        Self::Portable
+    }
+}
+
+/// [`top::search`] compiled for processors with AVX2.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+fn search_avx2(all: &Structures<'_>, ray: &Ray, goal: Goal, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
+    top::search(all, ray, goal, query, stack)
+}
+
+/// [`top::search`] compiled for any processor.
+fn search_portable(all: &Structures<'_>, ray: &Ray, goal: Goal, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
+    top::search(all, ray, goal, query, stack)
+}
+
+/// Entries of a stack that is kept on the machine's own; deeper trees (none was seen) get one on the heap.
+const SMALL_STACK: usize = 128;
+
+impl Accel {
+    /// Builds the structures for `stage`. What `previous` (of the same scene) already holds is shared: structures of
+    /// meshes at rest, the world's if its members are the same; deforming ones are refitted while that serves.
+    ///
+    /// The result is the same for any number of threads, with one exception that no hit can show: a refitted tree has
+    /// another shape than a new one.
+    ///
+    /// # Panics
+    /// If the stage holds more than 2²⁹ triangles in one structure.
+    #[must_use]
+    pub fn build(scene: &Scene, stage: &Stage, previous: Option<&Self>) -> Self {
+        let started = Instant::now();
+        let mut uses = vec![0_usize; stage.geometries.len()];
+        for i in &stage.instances {
+            uses[i.geometry] += 1;
+        }
+        let (mut members, mut others) = (Vec::new(), Vec::new());
+        for (number, instance) in (0_u32..).zip(&stage.instances) {
+            let geometry = &stage.geometries[instance.geometry];
+            let mesh = &scene.meshes[geometry.mesh];
+            assert!(mesh.triangles.len() < block::tag::INDEX as usize, "a mesh has fewer than 2^29 triangles");
+            let list = if world::belongs(instance, geometry, mesh, uses[instance.geometry]) {
+                &mut members
+            } else {
+                &mut others
+            };
+            list.push((number, instance, geometry));
+        }
+        let mut stats = Stats::default();
+        let (world, world_instances) = build_world(scene, &members, previous, &mut stats);
+        let (places, bodies) = build_places(scene, &others, previous, &mut stats);
+        let mut routes = vec![Route::Baked; stage.instances.len()];
+        for (place, baked) in &places {
+            routes[place.instance as usize] = match (&place.pose, baked) {
+                (_, true) => Route::Baked,
+                (Pose::World, false) => Route::Same,
+                _ => Route::Posed,
+            };
+        }
+        let places: Vec<Place> = places.into_iter().map(|(place, _)| place).collect();
+        let top = Top::build(&places, world.as_deref());
+        let mut accel = Self {
+            bounds: Aabb::EMPTY,
+            stack: 0,
+            stats,
+            kernel: Kernel::detect(),
+            world,
+            world_instances,
+            places,
+            routes,
+            top,
+            bodies,
+        };
+        accel.summarize();
+        accel.stats.seconds = started.elapsed().as_secs_f64();
+        accel
+    }
+
+    /// Fills in what follows from the structures.
+    fn summarize(&mut self) {
+        let below = self.bodies.values().map(|b| b.stack()).chain(self.world.iter().map(|w| w.tree.nodes.stack)).max();
+        self.stack = self.top.stack() + below.unwrap_or(0);
+        self.bounds = match &self.top {
+            Top::World => self.world.as_ref().map_or(Aabb::EMPTY, |w| w.tree.nodes.bounds),
+            Top::Still(t) => t.nodes.bounds,
+            Top::Moving(slabs) => slabs.iter().fold(Aabb::EMPTY, |all, t| all.join(&t.nodes.bounds)),
+        };
+        let stats = &mut self.stats;
+        stats.places = self.places.len();
+        stats.slabs = if let Top::Moving(slabs) = &self.top { slabs.len() } else { 0 };
+        stats.bytes = self.top.bytes();
+        if let Some(world) = &self.world {
+            stats.bytes += world.tree.bytes();
+            stats.still_triangles += world.triangles;
+        }
+        for body in self.bodies.values() {
+            stats.bytes += body.bytes();
+            match body.form {
+                Form::Still(_) => stats.still_triangles += body.triangles,
+                Form::Moving(_) => stats.moving_triangles += body.triangles,
+            }
+        }
+    }
+
+    /// The nearest hit with 0 < t ≤ `ray.t_max`; at equal t that of the first instance and triangle.
+    ///
+    /// `accept` decides about hits of surfaces with alpha (mask or blend); it must depend on the hit alone. Single-sided
+    /// surfaces let rays through from behind without asking.
+    #[must_use]
+    pub fn closest(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> Option<Hit> {
+        let (_, found) = self.run(ray, Goal::Closest, &|found| accept(&self.hit(found)));
+        found.map(|f| self.hit(&f))
+    }
+
+    /// Whether anything accepted lies at 0 < t ≤ `ray.t_max`.
+    #[must_use]
+    pub fn occluded(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> bool {
+        self.run(ray, Goal::Any, &|found| accept(&self.hit(found))).0
+    }
+
+    fn run(&self, ray: &Ray, goal: Goal, accept: &dyn Fn(&Found) -> bool) -> (bool, Option<Found>) {
+        if self.stack <= SMALL_STACK {
+            self.run_on(ray, goal, accept, &mut [0; SMALL_STACK])
+        } else {
+            self.run_on(ray, goal, accept, &mut vec![0; self.stack])
+        }
+    }
+
+    #[allow(unsafe_code, reason = "the only way to call code compiled for a processor feature found at run time")]
+    fn run_on(
+        &self,
+        ray: &Ray,
+        goal: Goal,
+        accept: &dyn Fn(&Found) -> bool,
+        stack: &mut [u64],
+    ) -> (bool, Option<Found>) {
+        let precedes = |a: &Found, b: &Found| {
+            let (a, b) = (self.hit(a), self.hit(b));
+            (a.instance, a.triangle) < (b.instance, b.triangle)
+        };
+        let mut query = Query { limit: ray.t_max, found: None, accept, precedes: &precedes };
+        let all = Structures { world: self.world.as_deref(), places: &self.places, top: &self.top };
+        let stopped = match self.kernel {
+            Kernel::Portable => search_portable(&all, ray, goal, &mut query, stack),
+            // SAFETY: `Kernel::Avx2` is only made by `Kernel::detect`, after the processor was asked; every processor
+            // with AVX2 has the other features.
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx2 => unsafe { search_avx2(&all, ray, goal, &mut query, stack) },
+        };
+        (stopped, query.found)
+    }
+
+    /// The hit by the stage's names.
+    fn hit(&self, found: &Found) -> Hit {
+        let (instance, triangle) = if found.space == WORLD {
+            let (part, triangle) = self.world.as_ref().map_or((0, 0), |w| w.locate(found.index));
+            (self.world_instances[part], triangle)
+        } else {
+            (self.places[found.space as usize].instance, found.index)
+        };
+        Hit { t: found.candidate.t, u: found.candidate.u, v: found.candidate.v, instance, triangle }
+    }
+
+    /// Bounds of everything over the whole exposure; empty where there is nothing.
+    #[must_use]
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// What the build made and cost.
+    #[must_use]
+    pub fn stats(&self) -> Stats {
+        self.stats
+    }
+}
+
+type Member<'a> = (u32, &'a Instance, &'a Geometry);
+
+fn build_world(
+    scene: &Scene,
+    members: &[Member<'_>],
+    previous: Option<&Accel>,
+    stats: &mut Stats,
+) -> (Option<Arc<World>>, Vec<u32>) {
+    let keys = || members.iter().map(|(_, i, g)| PartKey::of(i, g));
+    let instances = members.iter().map(|m| m.0).collect();
+    if let Some(old) = previous.and_then(|p| p.world.as_ref())
+        && old.parts.iter().copied().eq(keys())
+    {
+        stats.reused += 1;
+        return (Some(Arc::clone(old)), instances);
+    }
+    let members: Vec<_> = members.iter().map(|(_, i, g)| (*i, *g)).collect();
+    let world = World::build(scene, &members).map(Arc::new);
+    stats.built += usize::from(world.is_some());
+    (world, instances)
+}
+
+/// How an instance outside the world's structure is stored.
+struct Plan<'a> {
+    key: BodyKey,
+    /// Baked: vertices are placed in the world.
+    baked: bool,
+    instance: &'a Instance,
+    geometry: &'a Geometry,
+    number: u32,
+}
+
+fn plans<'a>(others: &[Member<'a>]) -> Vec<Plan<'a>> {
+    let mut owned: HashMap<usize, BodyKey> = HashMap::new();
+    let mut copies: HashMap<(MeshId, NodeId), usize> = HashMap::new();
+    let mut own = |mesh: MeshId, node: NodeId| {
+        let count = copies.entry((mesh, node)).or_default();
+        *count += 1;
+        BodyKey::Own(mesh, node, *count)
+    };
+    let plan = |&(number, instance, geometry): &Member<'a>| {
+        let linear = instance.motion.is_still() || geometry.keys.len() <= 1;
+        // A matrix that cannot be inverted flattens the geometry: it is intersected where it stands.
+        let baked = linear && instance.motion.keys().iter().any(world::is_singular);
+        let key = if baked {
+            own(geometry.mesh, instance.node)
+        } else if geometry.keys.is_empty() {
+            BodyKey::Rest(geometry.mesh)
+        } else {
+            *owned.entry(instance.geometry).or_insert_with(|| own(geometry.mesh, instance.node))
+        };
+        Plan { key, baked, instance, geometry, number }
+    };
+    others.iter().map(plan).collect()
+}
+
+fn build_places(
+    scene: &Scene,
+    others: &[Member<'_>],
+    previous: Option<&Accel>,
+    stats: &mut Stats,
+) -> (Vec<(Place, bool)>, HashMap<BodyKey, Arc<Body>>) {
+    let plans = plans(others);
+    let mut wanted: Vec<&Plan<'_>> = Vec::new();
+    let mut seen = std::collections::HashSet::new();
+    for plan in &plans {
+        if seen.insert(plan.key) {
+            wanted.push(plan);
+        }
+    }
+    let made: Vec<(BodyKey, Arc<Body>, bool)> = wanted
+        .par_iter()
+        .map(|plan| {
+            let old = previous.and_then(|p| p.bodies.get(&plan.key));
+            if let (Some(old), BodyKey::Rest(_)) = (old, plan.key) {
+                return (plan.key, Arc::clone(old), true);
+            }
+            let mesh = &scene.meshes[plan.geometry.mesh];
+            let motion = &plan.instance.motion;
+            let vertices = Vertices::of(mesh, plan.geometry);
+            let vertices = if plan.baked { vertices.placed(motion) } else { vertices };
+            let mirrored = plan.baked && motion.keys()[0].matrix3.determinant() < 0.0;
+            let tags = body::tags(scene, mesh, mirrored);
+            (plan.key, Arc::new(Body::build(mesh, tags, &vertices, old.map(|b| &**b))), false)
+        })
+        .collect();
+    stats.reused += made.iter().filter(|m| m.2).count();
+    stats.built += made.iter().filter(|m| !m.2).count();
+    let bodies: HashMap<BodyKey, Arc<Body>> = made.into_iter().map(|(key, body, _)| (key, body)).collect();
+    let place = |plan: &Plan<'_>| {
+        let motion = &plan.instance.motion;
+        let pose = match (plan.baked, motion.is_still()) {
+            (true, _) => Pose::World,
+            (false, true) => still_pose(motion),
+            (false, false) => Pose::Moving(motion.clone()),
+        };
+        (Place { body: Arc::clone(&bodies[&plan.key]), pose, instance: plan.number }, plan.baked)
+    };
+    (plans.iter().map(place).collect(), bodies)
+}
+
+fn still_pose(motion: &Motion) -> Pose {
+    let transform = motion.keys()[0];
+    if transform == Affine3A::IDENTITY {
+        return Pose::World;
+    }
+    Pose::Still { inverse: transform.inverse(), motion: motion.clone() }
+}

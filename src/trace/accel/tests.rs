@@ -1,0 +1,177 @@
+//! Whole structures against brute force over every triangle.
+
+use super::*;
+use crate::scene::stage::VertexKey;
+use crate::scene::{Material, Mesh, Projection, StageCamera};
+use crate::time::Exposure;
+use glam::{DVec3, Quat, Vec3, Vec3A};
+use proptest::prelude::*;
+use rand_pcg::rand_core::{Rng, SeedableRng};
+
+pub(super) struct Dice(rand_pcg::Pcg64);
+
+impl Dice {
+    pub(super) fn new(seed: u64) -> Self {
+        Self(rand_pcg::Pcg64::seed_from_u64(seed))
+    }
+
+    pub(super) fn unit(&mut self) -> f32 {
+        crate::numeric::unit_from_bits(self.0.next_u32())
+    }
+
+    pub(super) fn vec(&mut self) -> Vec3 {
+        Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
+    }
+}
+
+pub(super) fn stage(geometries: Vec<Geometry>, instances: Vec<Instance>) -> Stage {
+    Stage {
+        interval: Exposure { open: 0.0, close: 1.0 },
+        camera: StageCamera {
+            motion: Motion::still(Affine3A::IDENTITY),
+            projection: Projection::Perspective { yfov: 1.0, aspect: None },
+            aperture_radius: 0.0,
+            focus_distance: [1.0, 1.0],
+        },
+        geometries,
+        instances,
+        lights: Vec::new(),
+    }
+}
+
+fn soup(dice: &mut Dice, triangles: usize, size: f32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for i in 0..triangles as u32 {
+        let centre = dice.vec();
+        mesh.positions.extend((0..3).map(|_| centre + dice.vec() * size));
+        mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    mesh
+}
+
+fn deformed(dice: &mut Dice, mesh: &Mesh, keys: usize) -> Geometry {
+    let key = |dice: &mut Dice| VertexKey {
+        positions: mesh.positions.iter().map(|&p| p + dice.vec() * 0.2).collect(),
+        ..VertexKey::default()
+    };
+    let last = (keys - 1) as f32;
+    let times = (0..keys).map(|i| if keys == 4 { [0.0, 0.3, 0.3, 1.0][i] } else { i as f32 / last }).collect();
+    Geometry { mesh: 0, keys: (0..keys).map(|_| key(dice)).collect(), times }
+}
+
+fn pose(dice: &mut Dice) -> Affine3A {
+    let q = Quat::from_rotation_y(dice.unit() * 6.0) * Quat::from_rotation_x(dice.unit() * 6.0);
+    let scale = Vec3::splat(0.5) + dice.vec().abs();
+    let scale = if dice.unit() < 0.3 { scale * Vec3::new(-1.0, 1.0, 1.0) } else { scale };
+    Affine3A::from_scale_rotation_translation(scale, q, dice.vec())
+}
+
+fn moving(dice: &mut Dice, keys: usize) -> Motion {
+    match keys {
+        0 => Motion::still(Affine3A::IDENTITY),
+        1 => Motion::still(pose(dice)),
+        n => Motion::through((0..n).map(|i| i as f32 / (n - 1) as f32).collect(), (0..n).map(|_| pose(dice)).collect()),
+    }
+}
+
+fn scene(meshes: Vec<Mesh>, double_sided: bool) -> Scene {
+    Scene { meshes, materials: vec![Material { double_sided, ..Material::default() }], ..Scene::default() }
+}
+
+/// Distance, in f64, at which a ray meets a triangle well inside it; the margin is how far inside.
+fn met(corners: [Vec3A; 3], ray: &Ray) -> Option<(f64, f64)> {
+    let [a, b, c] = corners.map(|p| p.as_dvec3());
+    let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let n = (b - a).cross(c - a);
+    let t = n.dot(a - o) / n.dot(d);
+    let p = o + d * t;
+    let part = |x: DVec3, y: DVec3| (y - x).cross(p - x).dot(n) / n.length_squared();
+    let margin = part(a, b).min(part(b, c)).min(part(c, a));
+    (margin > -1e-4 && t > 0.0).then_some((t, margin))
+}
+
+fn random_ray(dice: &mut Dice) -> Ray {
+    let direction = Vec3A::from(dice.vec()) * (0.1 + dice.unit());
+    let origin = Vec3A::from(dice.vec()) * 3.0 - if dice.unit() < 0.5 { direction * 4.0 } else { Vec3A::ZERO };
+    Ray { origin, direction, t_max: f32::INFINITY, u_time: dice.unit() }
+}
+
+/// How many rays hit; compares `closest` and `occluded` with all triangles, and both kernels with each other.
+fn compare(scene: &Scene, stage: &Stage, rays: usize, dice: &mut Dice) -> usize {
+    let accel = Accel::build(scene, stage, None);
+    let mut portable = Accel::build(scene, stage, Some(&accel));
+    portable.kernel = Kernel::Portable;
+    let mut hits = 0;
+    for _ in 0..rays {
+        let ray = random_ray(dice);
+        let hit = accel.closest(&ray, |_| true);
+        assert_eq!(hit.map(|h| h.t.to_bits()), portable.closest(&ray, |_| true).map(|h| h.t.to_bits()));
+        assert_eq!(hit, portable.closest(&ray, |_| true));
+        assert_eq!(hit.is_some(), accel.occluded(&ray, |_| true));
+        let mut nearest = f64::INFINITY;
+        for (i, instance) in stage.instances.iter().enumerate() {
+            let mesh = &scene.meshes[stage.geometries[instance.geometry].mesh];
+            for t in 0..mesh.triangles.len() {
+                let corners = accel.triangle(scene, stage, i as u32, t as u32, ray.u_time);
+                if let Some((d, margin)) = met(corners, &ray)
+                    && margin > 1e-4
+                {
+                    nearest = nearest.min(d);
+                }
+            }
+        }
+        if let Some(h) = hit {
+            hits += 1;
+            let corners = accel.triangle(scene, stage, h.instance, h.triangle, ray.u_time);
+            let (d, _) = met(corners, &ray).unwrap_or_else(|| panic!("{h:?} is no hit of {ray:?}"));
+            assert!((d - f64::from(h.t)).abs() <= 2e-4 * (1.0 + d), "{h:?} lies at {d}");
+            assert!(f64::from(h.t) <= nearest + 2e-4 * (1.0 + nearest), "{h:?} is hidden at {nearest}");
+            let surface = accel.surface(scene, stage, &ray, &h);
+            let along = (ray.origin + ray.direction * h.t).distance(surface.position);
+            assert!(along <= 1e-3, "{along}");
+            assert!(surface.normal.is_normalized() && surface.geometric_normal.is_normalized());
+        } else {
+            assert!(nearest.is_infinite(), "missed {nearest}");
+        }
+    }
+    hits
+}
+
+fn all_kinds(seed: u64, permanent: bool) {
+    let mut dice = Dice::new(seed);
+    let mesh = soup(&mut dice, 40, 0.3);
+    let scene = scene(vec![mesh], true);
+    let geometries = [0, 1, 2, 3, 4].map(|keys| match keys {
+        0 => Geometry { mesh: 0, keys: Vec::new(), times: Vec::new() },
+        1 => Geometry { keys: deformed(&mut dice, &scene.meshes[0], 2).keys[..1].to_vec(), times: Vec::new(), mesh: 0 },
+        n => deformed(&mut dice, &scene.meshes[0], n),
+    });
+    let instances = (0..10)
+        .map(|i| Instance {
+            geometry: i % 5,
+            motion: moving(&mut dice, i % 4),
+            node: i,
+            permanent: permanent && i % 5 < 2 && i % 4 < 2,
+        })
+        .collect();
+    let hits = compare(&scene, &stage(geometries.into(), instances), 200, &mut dice);
+    assert!(hits > 20, "rays meet something: {hits}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+    #[test]
+    fn every_kind_of_motion_agrees_with_brute_force(seed: u64, permanent: bool) {
+        all_kinds(seed, permanent);
+    }
+
+    #[test]
+    fn still_triangles_agree_with_brute_force(seed: u64, count in 1_usize..300) {
+        let mut dice = Dice::new(seed);
+        let scene = scene(vec![soup(&mut dice, count, 0.8)], true);
+        let geometry = Geometry { mesh: 0, keys: Vec::new(), times: Vec::new() };
+        let motion = moving(&mut dice, 1);
+        let stage = stage(vec![geometry], vec![Instance { geometry: 0, motion, node: 0, permanent: true }]);
+        compare(&scene, &stage, 100, &mut dice);
+    }
+}

@@ -1,0 +1,258 @@
+//! The level above: where structures stand, and how a ray finds them.
+
+use super::body::{Body, Form};
+use super::collapse::{self, BLOCK, LeafRule, NO_TRIANGLE, Shape};
+use super::frame::RayFrame;
+use super::linear::{Aabb, LinearBox};
+use super::node::{MovingNode, StillNode, WideNode};
+use super::sweep::swept;
+use super::topology::{self, Reference};
+use super::tree::Nodes;
+use super::walk::{Goal, Query, WORLD, walk, walk_triangles};
+use super::world::World;
+use crate::scene::Motion;
+use crate::scene::motion::segment_at;
+use crate::trace::Ray;
+use glam::{Affine3A, Vec3A};
+use std::sync::Arc;
+
+/// A structure in the world.
+#[derive(Debug)]
+pub(super) struct Place {
+    pub(super) body: Arc<Body>,
+    pub(super) pose: Pose,
+    /// Index of the stage's instance.
+    pub(super) instance: u32,
+}
+
+/// How a ray comes into a structure's space.
+#[derive(Debug)]
+pub(super) enum Pose {
+    /// It is the world's.
+    World,
+    /// By a matrix that does not change.
+    Still {
+        /// Structure from world.
+        inverse: Affine3A,
+        /// World from structure.
+        motion: Motion,
+    },
+    /// By the inverse of the motion's matrix at the ray's time.
+    Moving(Motion),
+}
+
+impl Pose {
+    /// World from structure.
+    fn motion(&self) -> Option<&Motion> {
+        match self {
+            Self::World => None,
+            Self::Still { motion, .. } | Self::Moving(motion) => Some(motion),
+        }
+    }
+}
+
+/// A tree over places; the world's structure is one of them.
+#[derive(Debug)]
+pub(super) struct TopTree<N> {
+    pub(super) nodes: Nodes<N>,
+    /// The place of each leaf, or [`WORLD`].
+    pub(super) items: Vec<u32>,
+}
+
+/// The top level.
+#[derive(Debug)]
+pub(super) enum Top {
+    /// Nothing but the world's structure.
+    World,
+    /// Nothing moves.
+    Still(TopTree<StillNode>),
+    /// Something moves: one tree for each of equal slabs of the exposure.
+    Moving(Vec<TopTree<MovingNode>>),
+}
+
+/// One place to a leaf. Entering one costs a ray about four visits of a node: a matrix inverse, a new frame, a root.
+const PLACE_LEAF: LeafRule = LeafRule { most: 1, cost: 4.0 };
+
+/// Most slabs of time.
+const MOST_SLABS: usize = 64;
+
+/// Most references in all slabs, unless one slab alone has more.
+const MOST_REFERENCES: usize = 1 << 18;
+
+impl Top {
+    /// Builds over `places` and the world's structure.
+    pub(super) fn build(places: &[Place], world: Option<&World>) -> Self {
+        if places.is_empty() {
+            return Self::World;
+        }
+        let world_box = world.map_or(Aabb::EMPTY, |w| w.tree.nodes.bounds);
+        let still = places.iter().all(|p| p.body.motion.boxes.len() == 1 && !matches!(p.pose, Pose::Moving(_)));
+        let boxes = |begin: f32, end: f32| -> Vec<(u32, LinearBox)> {
+            use rayon::prelude::*;
+            let mut boxes: Vec<_> =
+                places.par_iter().enumerate().map(|(i, p)| (index(i), p.bounds(begin, end))).collect();
+            boxes.push((WORLD, LinearBox::still(world_box)));
+            boxes.retain(|(_, b)| !b.swept().is_empty());
+            boxes
+        };
+        if still {
+            return Self::Still(TopTree::build(&boxes(0.0, 1.0)));
+        }
+        let slabs = slab_count(places);
+        #[allow(clippy::cast_precision_loss, reason = "at most 64")]
+        let border = |i: usize| i as f32 / slabs as f32;
+        Self::Moving((0..slabs).map(|i| TopTree::build(&boxes(border(i), border(i + 1)))).collect())
+    }
+
+    pub(super) fn stack(&self) -> usize {
+        match self {
+            Self::World => 0,
+            Self::Still(t) => t.nodes.stack,
+            Self::Moving(slabs) => slabs.iter().map(|t| t.nodes.stack).max().unwrap_or(0),
+        }
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::World => 0,
+            Self::Still(t) => t.nodes.bytes(),
+            Self::Moving(slabs) => slabs.iter().map(|t| t.nodes.bytes()).sum(),
+        }
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "fewer places than 2^31: each is a node of the scene")]
+fn index(i: usize) -> u32 {
+    i as u32
+}
+
+/// How many slabs of time the top level is split into: the fewest whose boxes are within a tenth of the least total area.
+///
+/// One slab serves where everything moves in a line. A wheel that turns ten times fills its disc's square in every slab
+/// longer than an eighth of a turn.
+#[allow(clippy::cast_precision_loss, reason = "at most 64 slabs")]
+fn slab_count(places: &[Place]) -> usize {
+    use rayon::prelude::*;
+    let bends = |p: &Place| p.body.motion.boxes.len() > 2 || p.pose.motion().is_some_and(|m| m.times().len() > 2);
+    if !places.iter().any(bends) {
+        return 1;
+    }
+    let area = |p: &Place, slabs: usize| -> f64 {
+        let one = |i: usize| p.bounds(i as f32 / slabs as f32, (i + 1) as f32 / slabs as f32).middle();
+        (0..slabs).map(|i| f64::from(topology::half_area(one(i).lo, one(i).hi))).sum::<f64>() / slabs as f64
+    };
+    let counts: Vec<usize> = std::iter::successors(Some(1), |&k| Some(2 * k))
+        .take_while(|&k| k <= MOST_SLABS && (k == 1 || k * places.len() <= MOST_REFERENCES))
+        .collect();
+    // Summed in order: a parallel sum would depend on the number of threads.
+    let cost = |&k: &usize| places.par_iter().map(|p| area(p, k)).collect::<Vec<_>>().iter().sum::<f64>();
+    let costs: Vec<f64> = counts.iter().map(cost).collect();
+    let least = costs.iter().copied().fold(f64::INFINITY, f64::min);
+    counts.iter().zip(&costs).find(|(_, c)| **c <= 1.1 * least).map_or(1, |(&k, _)| k)
+}
+
+impl<N: WideNode> TopTree<N> {
+    fn build(boxes: &[(u32, LinearBox)]) -> Self {
+        let mut references: Vec<Reference> = boxes
+            .iter()
+            .enumerate()
+            .map(|(i, (_, b))| Reference::new(b.middle().lo, b.middle().hi, index(i)))
+            .collect();
+        let tree = topology::build(&mut references);
+        let shape: Shape = collapse::collapse(&tree, &references, PLACE_LEAF);
+        let of_leaf = |leaf: &[u32; BLOCK]| {
+            debug_assert!(leaf[0] != NO_TRIANGLE && leaf[1] == NO_TRIANGLE, "one place to a leaf");
+            leaf[0] as usize
+        };
+        let leaves: Vec<LinearBox> = shape.leaves.iter().map(|l| boxes[of_leaf(l)].1).collect();
+        let items = shape.leaves.iter().map(|l| boxes[of_leaf(l)].0).collect();
+        Self { nodes: Nodes::around(&shape, &leaves), items }
+    }
+}
+
+impl Place {
+    /// Linear bounds in the world over times from `begin` to `end`.
+    fn bounds(&self, begin: f32, end: f32) -> LinearBox {
+        let still = Motion::still(Affine3A::IDENTITY);
+        swept(self.pose.motion().unwrap_or(&still), &self.body.motion, begin, end)
+    }
+
+    /// The ray in the structure's space; `None` where the matrix is singular at that instant.
+    #[inline(always)]
+    fn enter(&self, ray: &Ray) -> Option<(Vec3A, Vec3A)> {
+        match &self.pose {
+            Pose::World => Some((ray.origin, ray.direction)),
+            Pose::Still { inverse, .. } => {
+                Some((inverse.transform_point3a(ray.origin), inverse.transform_vector3a(ray.direction)))
+            }
+            Pose::Moving(motion) => {
+                let inverse = motion.at(ray.u_time).inverse();
+                inverse
+                    .is_finite()
+                    .then(|| (inverse.transform_point3a(ray.origin), inverse.transform_vector3a(ray.direction)))
+            }
+        }
+    }
+}
+
+/// What a query walks through.
+pub(super) struct Structures<'a> {
+    pub(super) world: Option<&'a World>,
+    pub(super) places: &'a [Place],
+    pub(super) top: &'a Top,
+}
+
+/// Walks everything. Returns whether a hit stopped it ([`Goal::Any`] only).
+#[inline(always)]
+pub(super) fn search(all: &Structures<'_>, ray: &Ray, goal: Goal, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
+    let in_world = |query: &mut Query<'_>, stack: &mut [u64]| -> bool {
+        let Some(world) = all.world else { return false };
+        let frame = RayFrame::new(ray.origin, ray.direction, &world.tree.nodes.bounds);
+        walk_triangles(&world.tree, &frame, 0.0, WORLD, goal, query, stack)
+    };
+    let in_item = |item: u32, query: &mut Query<'_>, stack: &mut [u64]| -> bool {
+        if item == WORLD {
+            return in_world(query, stack);
+        }
+        let place = &all.places[item as usize];
+        let Some((origin, direction)) = place.enter(ray) else { return false };
+        match &place.body.form {
+            Form::Still(tree) => {
+                let frame = RayFrame::new(origin, direction, &tree.nodes.bounds);
+                walk_triangles(tree, &frame, 0.0, item, goal, query, stack)
+            }
+            Form::Moving(deforming) => {
+                let (segment, f) = segment_at(&deforming.times, ray.u_time);
+                let tree = &deforming.segments[segment];
+                let frame = RayFrame::new(origin, direction, &tree.nodes.bounds);
+                walk_triangles(tree, &frame, f, item, goal, query, stack)
+            }
+        }
+    };
+    match all.top {
+        Top::World => in_world(query, stack),
+        Top::Still(top) => {
+            let frame = RayFrame::new(ray.origin, ray.direction, &top.nodes.bounds);
+            walk(&top.nodes, &frame, 0.0, goal, query, stack, |leaf, query, stack| {
+                in_item(top.items[leaf as usize], query, stack)
+            })
+        }
+        Top::Moving(slabs) => {
+            let (top, f) = slab_at(slabs, ray.u_time);
+            let frame = RayFrame::new(ray.origin, ray.direction, &top.nodes.bounds);
+            walk(&top.nodes, &frame, f, goal, query, stack, |leaf, query, stack| {
+                in_item(top.items[leaf as usize], query, stack)
+            })
+        }
+    }
+}
+
+/// The slab that holds `u_time`, and where in it.
+#[inline(always)]
+#[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 64")]
+fn slab_at(slabs: &[TopTree<MovingNode>], u_time: f32) -> (&TopTree<MovingNode>, f32) {
+    // The count is a power of two: the product is exact, and so is the fraction.
+    let scaled = u_time.clamp(0.0, 1.0) * slabs.len() as f32;
+    let i = (scaled as usize).min(slabs.len() - 1);
+    (&slabs[i], scaled - i as f32)
+}

@@ -1,0 +1,101 @@
+//! A wide tree over triangles: nodes, blocks and the boxes they are filled with.
+
+use super::block::{Block, MovingBlock, StillBlock, StoredTriangle};
+use super::collapse::{LEAF, NO_CHILD, NO_TRIANGLE, Shape, WIDTH};
+use super::linear::{Aabb, LinearBox};
+use super::node::{MovingNode, StillNode, WideNode};
+use super::topology::half_area;
+use rayon::prelude::*;
+
+/// Nodes over leaves, with the bounds of the whole.
+#[derive(Debug, Clone)]
+pub(super) struct Nodes<N> {
+    /// The root: a node, a leaf, or [`NO_CHILD`].
+    pub(super) root: u32,
+    pub(super) nodes: Vec<N>,
+    /// Bounds of everything, over the whole segment.
+    pub(super) bounds: Aabb,
+    /// Most entries a traversal needs on its stack.
+    pub(super) stack: usize,
+    /// Expected visits of a ray that meets the bounds: areas of all nodes at mid-time over that of the whole.
+    pub(super) relative_cost: f32,
+}
+
+/// A tree over triangles.
+#[derive(Debug, Clone)]
+pub(super) struct Tree<N, B> {
+    pub(super) nodes: Nodes<N>,
+    pub(super) blocks: Vec<B>,
+}
+
+/// A tree over triangles that stand still.
+pub(super) type StillTree = Tree<StillNode, StillBlock>;
+/// A tree over triangles whose corners move linearly.
+pub(super) type MovingTree = Tree<MovingNode, MovingBlock>;
+
+impl<N: WideNode> Nodes<N> {
+    /// Nodes of the given shape around leaves with the given boxes.
+    pub(super) fn around(shape: &Shape, leaves: &[LinearBox]) -> Self {
+        let boxes = node_boxes(shape, leaves);
+        let child_box = |child: u32| match child {
+            NO_CHILD => LinearBox::EMPTY,
+            leaf if leaf & LEAF != 0 => leaves[(leaf & !LEAF) as usize],
+            node => boxes[node as usize],
+        };
+        let nodes = shape
+            .nodes
+            .par_iter()
+            .with_min_len(512)
+            .map(|children| {
+                let boxes: [LinearBox; WIDTH] = std::array::from_fn(|i| child_box(children[i]).padded());
+                N::new(&boxes, *children)
+            })
+            .collect();
+        let whole = child_box(shape.root);
+        let area = |b: &LinearBox| half_area(b.middle().lo, b.middle().hi);
+        let relative_cost = boxes.iter().map(area).sum::<f32>() / area(&whole).max(f32::MIN_POSITIVE);
+        Self { root: shape.root, nodes, bounds: whole.padded().swept(), stack: shape.stack, relative_cost }
+    }
+
+    /// Bytes that it occupies.
+    pub(super) fn bytes(&self) -> usize {
+        self.nodes.len() * size_of::<N>()
+    }
+}
+
+/// Boxes of the nodes, from the leaves up; parents stand before their children.
+pub(super) fn node_boxes(shape: &Shape, leaves: &[LinearBox]) -> Vec<LinearBox> {
+    let mut boxes = vec![LinearBox::EMPTY; shape.nodes.len()];
+    for (i, children) in shape.nodes.iter().enumerate().rev() {
+        boxes[i] = children.iter().fold(LinearBox::EMPTY, |all, &child| match child {
+            NO_CHILD => all,
+            leaf if leaf & LEAF != 0 => all.join(&leaves[(leaf & !LEAF) as usize]),
+            node => all.join(&boxes[node as usize]),
+        });
+    }
+    boxes
+}
+
+impl<N: WideNode, B: Block> Tree<N, B> {
+    /// Fills `shape` with the triangles that `triangle` gives for its indices.
+    pub(super) fn fill(shape: &Shape, triangle: impl Fn(u32) -> StoredTriangle + Sync) -> Self {
+        let (blocks, leaves): (Vec<B>, Vec<LinearBox>) = shape
+            .leaves
+            .par_iter()
+            .with_min_len(1024)
+            .map(|leaf| {
+                let triangles = leaf.map(|id| (id != NO_TRIANGLE).then(|| triangle(id)));
+                let around = triangles.iter().flatten().fold(LinearBox::EMPTY, |all, t| {
+                    all.join(&LinearBox { begin: Aabb::around(t.begin), end: Aabb::around(t.end) })
+                });
+                (B::new(&triangles), around)
+            })
+            .unzip();
+        Self { nodes: Nodes::around(shape, &leaves), blocks }
+    }
+
+    /// Bytes that it occupies.
+    pub(super) fn bytes(&self) -> usize {
+        self.nodes.bytes() + self.blocks.len() * size_of::<B>()
+    }
+}

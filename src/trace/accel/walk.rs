@@ -1,0 +1,182 @@
+//! Walking a tree front to back.
+
+use super::block::{Block, Candidate, decide, tag, test};
+use super::collapse::LEAF;
+use super::frame::RayFrame;
+use super::node::WideNode;
+use super::tree::{Nodes, Tree};
+
+/// What a walk is after.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Goal {
+    /// The nearest hit.
+    Closest,
+    /// Whether there is any hit.
+    Any,
+}
+
+/// A hit by the names that the structure uses.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Found {
+    pub(super) candidate: Candidate,
+    /// Which structure: the number of an instance, or [`WORLD`].
+    pub(super) space: u32,
+    /// The triangle's index there.
+    pub(super) index: u32,
+}
+
+/// The space of triangles that stand in the world structure.
+pub(super) const WORLD: u32 = u32::MAX;
+
+/// The state of one query.
+pub(super) struct Query<'a> {
+    /// Farthest t of interest.
+    pub(super) limit: f32,
+    /// The best hit so far.
+    pub(super) found: Option<Found>,
+    /// Whether a tagged candidate counts.
+    pub(super) accept: &'a dyn Fn(&Found) -> bool,
+    /// The order of hits at equal t.
+    pub(super) precedes: &'a dyn Fn(&Found, &Found) -> bool,
+}
+
+impl Query<'_> {
+    /// Considers a hit; whether it became the best.
+    fn offer(&mut self, candidate: Candidate, id: u32, space: u32) -> bool {
+        let skip = if candidate.front { tag::SKIP_FRONT } else { tag::SKIP_BACK };
+        if id & skip != 0 {
+            return false;
+        }
+        let found = Found { candidate, space, index: id & tag::INDEX };
+        if candidate.t >= self.limit && self.found.as_ref().is_some_and(|best| !(self.precedes)(&found, best)) {
+            return false;
+        }
+        if id & tag::ASK != 0 && !(self.accept)(&found) {
+            return false;
+        }
+        self.limit = candidate.t;
+        self.found = Some(found);
+        true
+    }
+}
+
+/// Walks `nodes`; `leaf` is called with a leaf's index and says whether to stop. Returns whether it was stopped.
+#[inline(always)]
+pub(super) fn walk<N: WideNode>(
+    nodes: &Nodes<N>,
+    ray: &RayFrame,
+    time: f32,
+    goal: Goal,
+    query: &mut Query<'_>,
+    stack: &mut [u64],
+    mut leaf: impl FnMut(u32, &mut Query<'_>, &mut [u64]) -> bool,
+) -> bool {
+    let mut waiting = 0;
+    let mut current = nodes.root;
+    if nodes.nodes.is_empty() && current & LEAF == 0 || nodes.bounds.is_empty() {
+        return false;
+    }
+    loop {
+        if current & LEAF == 0 {
+            let node = &nodes.nodes[current as usize];
+            let opened = node.open(ray, time, query.limit);
+            let mut mask = opened.mask;
+            if mask != 0 {
+                let children = node.children();
+                let first = mask.trailing_zeros() as usize & 7;
+                mask &= mask - 1;
+                if mask == 0 {
+                    current = children[first];
+                    continue;
+                }
+                let key = |child: usize| u64::from(opened.near.0[child].to_bits()) << 32 | u64::from(children[child]);
+                if goal == Goal::Any {
+                    current = children[first];
+                    while mask != 0 {
+                        // The least likely child goes in first.
+                        let child = 31 - mask.leading_zeros() as usize & 7;
+                        mask ^= 1 << child;
+                        stack[waiting] = u64::from(children[child]);
+                        waiting += 1;
+                    }
+                    continue;
+                }
+                let from = waiting;
+                stack[waiting] = key(first);
+                waiting += 1;
+                while mask != 0 {
+                    let child = mask.trailing_zeros() as usize & 7;
+                    mask &= mask - 1;
+                    insert(stack, from, waiting, key(child));
+                    waiting += 1;
+                }
+                waiting -= 1;
+                current = lower_half(stack[waiting]);
+                continue;
+            }
+        } else {
+            let rest = &mut stack[waiting..];
+            if leaf(current & !LEAF, query, rest) {
+                return true;
+            }
+        }
+        loop {
+            if waiting == 0 {
+                return false;
+            }
+            waiting -= 1;
+            let key = stack[waiting];
+            if goal == Goal::Any || f32::from_bits(lower_half(key >> 32)) <= query.limit {
+                current = lower_half(key);
+                break;
+            }
+        }
+    }
+}
+
+#[inline(always)]
+#[allow(clippy::cast_possible_truncation, reason = "takes the lower half")]
+fn lower_half(key: u64) -> u32 {
+    key as u32
+}
+
+/// Inserts `key` into the descending run `stack[from..to]`.
+#[inline(always)]
+fn insert(stack: &mut [u64], from: usize, to: usize, key: u64) {
+    let mut at = to;
+    while at > from && stack[at - 1] < key {
+        stack[at] = stack[at - 1];
+        at -= 1;
+    }
+    stack[at] = key;
+}
+
+/// Walks a tree of triangles in space `space`. Returns whether the walk was stopped by a hit ([`Goal::Any`] only).
+#[inline(always)]
+pub(super) fn walk_triangles<N: WideNode, B: Block>(
+    tree: &Tree<N, B>,
+    ray: &RayFrame,
+    time: f32,
+    space: u32,
+    goal: Goal,
+    query: &mut Query<'_>,
+    stack: &mut [u64],
+) -> bool {
+    walk(&tree.nodes, ray, time, goal, query, stack, |leaf, query, _| {
+        let block = &tree.blocks[leaf as usize];
+        let corners = block.corners(time);
+        let hits = test(&corners, ray, query.limit);
+        let mut mask = hits.mask;
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize & 3;
+            mask &= mask - 1;
+            if let Some(candidate) = decide(&corners, &hits, lane, ray, query.limit)
+                && query.offer(candidate, block.ids()[lane], space)
+                && goal == Goal::Any
+            {
+                return true;
+            }
+        }
+        false
+    })
+}
