@@ -209,3 +209,54 @@ impl Default for Material {
         }
     }
 }
+
+impl Material {
+    /// Calls `f` on every texture that the material reads; those for which it says `false` are taken out.
+    pub fn retain_textures(&mut self, f: &mut dyn FnMut(&mut TextureRef) -> bool) {
+        let mut plain = |slot: &mut Option<TextureRef>| *slot = slot.take().and_then(|mut t| f(&mut t).then_some(t));
+        plain(&mut self.base_color_texture);
+        plain(&mut self.metallic_roughness_texture);
+        plain(&mut self.emissive_texture);
+        if let Some(s) = &mut self.specular {
+            plain(&mut s.texture);
+            plain(&mut s.color_texture);
+        }
+        if let Some(t) = &mut self.transmission {
+            plain(&mut t.texture);
+        }
+        if let Some(c) = &mut self.clearcoat {
+            plain(&mut c.texture);
+            plain(&mut c.roughness_texture);
+        }
+        if let Some(s) = &mut self.sheen {
+            plain(&mut s.color_texture);
+            plain(&mut s.roughness_texture);
+        }
+        if let Some(i) = &mut self.iridescence {
+            plain(&mut i.texture);
+            plain(&mut i.thickness_texture);
+        }
+        if let Some(a) = &mut self.anisotropy {
+            plain(&mut a.texture);
+        }
+        if let Some(d) = &mut self.diffuse_transmission {
+            plain(&mut d.texture);
+            plain(&mut d.color_texture);
+        }
+        let mut scaled = |slot: &mut Option<(TextureRef, f32)>| {
+            *slot = slot.take().and_then(|(mut t, scale)| f(&mut t).then_some((t, scale)));
+        };
+        scaled(&mut self.normal_texture);
+        scaled(&mut self.occlusion_texture);
+        if let Some(c) = &mut self.clearcoat {
+            scaled(&mut c.normal_texture);
+        }
+    }
+
+    /// The texture coordinate set along which the material needs tangents; `None` where it needs none.
+    #[must_use]
+    pub fn tangent_uv_set(&self) -> Option<usize> {
+        let normal = self.normal_texture.or(self.clearcoat.and_then(|c| c.normal_texture)).map(|(t, _)| t.uv_set);
+        normal.or(self.anisotropy.map(|a| a.texture.map_or(0, |t| t.uv_set)))
+    }
+}

@@ -8,6 +8,7 @@ pub mod animation;
 pub mod bake;
 pub mod camera;
 pub mod curve;
+pub(crate) mod decode;
 pub mod deform;
 pub mod gltf;
 pub mod light;
@@ -41,6 +42,17 @@ pub type MaterialId = usize;
 /// Index into [`Scene::textures`].
 pub type TextureId = usize;
 
+/// An extension that a file uses.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct ExtensionUse {
+    /// Its registered name.
+    pub name: String,
+    /// Whether the file cannot be shown without it.
+    pub required: bool,
+    /// Whether it has its effect here.
+    pub supported: bool,
+}
+
 /// A whole shot as loaded from a file.
 ///
 /// Right-handed, y up, metres, seconds; cameras look down their −z axis. Invariants that the loader establishes and
@@ -73,6 +85,8 @@ pub struct Scene {
     pub animations: Vec<Animation>,
     /// Light from all around, if the file brings it (`EXT_lights_image_based`); a flag may replace it.
     pub environment: Option<Environment>,
+    /// Extensions that the file names, by name.
+    pub extensions: Vec<ExtensionUse>,
     /// What was odd but not fatal, as one sentence each.
     pub warnings: Vec<String>,
     /// BLAKE3 over the scene file and everything it refers to, in order of reference.

@@ -1,5 +1,8 @@
 //! Decoded images and how they are looked up.
 
+/// The most texture coordinate sets that a material may read.
+pub const MAX_UV_SETS: usize = 4;
+
 /// Pixel storage, rows from the top, `width × height` entries.
 #[derive(Debug, Clone)]
 pub enum Pixels {

@@ -1,0 +1,168 @@
+//! What every part of the import needs: where the file is, what it may cost, how to complain.
+
+use super::LoadOptions;
+use super::schema::{Document, Object};
+use crate::{Error, Result};
+use serde::de::DeserializeOwned;
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+/// No single thing decoded from a file may be larger, bytes.
+pub(super) const LARGEST: u64 = 1 << 30;
+
+/// What a file of any size may decode to, bytes: half of [`LARGEST`], so that a small hostile file stays under 1 GiB
+/// with everything it makes us hold twice for a moment.
+const ALLOWANCE: u64 = LARGEST / 2;
+
+/// Bytes of decoded data allowed per byte read. Sound photographs reach about 40 (JPEG at ½ bit a pixel gives 64);
+/// a deflate bomb reaches 1032.
+const GROWTH: u64 = 64;
+
+/// Shared state of one import. Methods take `&self`, so that the document can be walked while warnings gather.
+pub(super) struct Context<'a> {
+    pub(super) path: PathBuf,
+    pub(super) options: &'a LoadOptions,
+    pub(super) doc: Document,
+    warnings: RefCell<Vec<String>>,
+    said: RefCell<BTreeSet<String>>,
+    read: Cell<u64>,
+    spent: Cell<u64>,
+    hasher: RefCell<blake3::Hasher>,
+}
+
+impl<'a> Context<'a> {
+    pub(super) fn new(path: PathBuf, options: &'a LoadOptions) -> Self {
+        Self {
+            path,
+            options,
+            doc: Document::default(),
+            warnings: RefCell::default(),
+            said: RefCell::default(),
+            read: Cell::new(0),
+            spent: Cell::new(0),
+            hasher: RefCell::new(blake3::Hasher::new()),
+        }
+    }
+
+    /// An error about `object`.
+    pub(super) fn error(&self, object: impl Into<String>, problem: impl Into<String>) -> Error {
+        Error::Scene { path: self.path.clone(), object: object.into(), problem: problem.into() }
+    }
+
+    /// Notes something odd but not fatal.
+    pub(super) fn warn(&self, object: impl AsRef<str>, problem: impl AsRef<str>) {
+        let sentence = format!("{}: {}", object.as_ref(), problem.as_ref());
+        if self.said.borrow_mut().insert(sentence.clone()) {
+            self.warnings.borrow_mut().push(sentence);
+        }
+    }
+
+    /// The warnings so far, in order.
+    pub(super) fn take_warnings(&self) -> Vec<String> {
+        self.warnings.take()
+    }
+
+    /// Adds a file that was read to the hash and to what decoding may cost.
+    pub(super) fn count_file(&self, bytes: &[u8]) {
+        let mut hasher = self.hasher.borrow_mut();
+        hasher.update(&(bytes.len() as u64).to_le_bytes());
+        hasher.update(bytes);
+        self.read.set(self.read.get().saturating_add(bytes.len() as u64));
+    }
+
+    /// BLAKE3 over everything counted.
+    pub(super) fn hash(&self) -> [u8; 32] {
+        *self.hasher.borrow().finalize().as_bytes()
+    }
+
+    /// What may still be decoded, bytes.
+    pub(super) fn allowance_left(&self) -> u64 {
+        let most = self
+            .options
+            .memory_limit
+            .unwrap_or_else(|| ALLOWANCE.saturating_add(GROWTH.saturating_mul(self.read.get())));
+        most.saturating_sub(self.spent.get())
+    }
+
+    /// Pays for `bytes` before they are allocated.
+    pub(super) fn charge(&self, bytes: u64, object: impl AsRef<str>) -> Result<()> {
+        if bytes > LARGEST {
+            return Err(self.too_large(bytes, LARGEST, object.as_ref()));
+        }
+        self.check_transient(bytes, object)?;
+        self.spent.set(self.spent.get() + bytes);
+        Ok(())
+    }
+
+    /// Refuses work that holds more than is left of the allowance, but gives it back.
+    pub(super) fn check_transient(&self, bytes: u64, object: impl AsRef<str>) -> Result<()> {
+        let left = self.allowance_left();
+        if bytes > left { Err(self.too_large(bytes, left, object.as_ref())) } else { Ok(()) }
+    }
+
+    fn too_large(&self, bytes: u64, allowed: u64, object: &str) -> Error {
+        let problem = format!(
+            "would take {} MiB of memory, more than the {} MiB left to a file of this size",
+            bytes.div_ceil(1 << 20),
+            allowed >> 20
+        );
+        self.error(object, problem)
+    }
+
+    /// The entry `index` of an array of the document.
+    pub(super) fn get<'t, T>(&self, list: &'t [T], index: usize, kind: &str, object: &str) -> Result<&'t T> {
+        list.get(index).ok_or_else(|| {
+            self.error(object, format!("refers to {kind} {index}, but the file has {} of them", list.len()))
+        })
+    }
+
+    /// The extension `name` of an object, read as `T`.
+    pub(super) fn extension<T: DeserializeOwned>(
+        &self,
+        extensions: &Object,
+        name: &str,
+        object: &str,
+    ) -> Result<Option<T>> {
+        match extensions.get(name) {
+            None => Ok(None),
+            Some(value) => serde_json::from_value(value.clone())
+                .map(Some)
+                .map_err(|e| self.error(object, format!("the extension {name} is malformed: {e}"))),
+        }
+    }
+
+    /// `value` as `f32`, refused if that is not finite.
+    #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant; overflow is refused here")]
+    pub(super) fn finite(&self, value: f64, what: &str, object: &str) -> Result<f32> {
+        let narrow = value as f32;
+        if narrow.is_finite() {
+            Ok(narrow)
+        } else {
+            Err(self.error(object, format!("{what} is {value}, which is not a finite 32-bit number")))
+        }
+    }
+
+    /// All of `values` as finite `f32`.
+    pub(super) fn finite_array<const N: usize>(&self, values: [f64; N], what: &str, object: &str) -> Result<[f32; N]> {
+        let mut out = [0.0; N];
+        for (o, v) in out.iter_mut().zip(values) {
+            *o = self.finite(v, what, object)?;
+        }
+        Ok(out)
+    }
+
+    /// `value` in [low, high]; what lies outside is clamped with a warning.
+    pub(super) fn clamped(&self, value: f64, range: (f32, f32), what: &str, object: &str) -> Result<f32> {
+        let v = self.finite(value, what, object)?;
+        if v < range.0 || v > range.1 {
+            self.warn(object, format!("{what} is {v}, outside {} to {}; it is clamped", range.0, range.1));
+        }
+        Ok(v.clamp(range.0, range.1))
+    }
+}
+
+/// How an object is called in messages: `mesh 3 "Body"`.
+pub(super) fn label(kind: &str, index: usize, name: &str) -> String {
+    if name.is_empty() { format!("{kind} {index}") } else { format!("{kind} {index} \"{}\"", name.escape_debug()) }
+}
