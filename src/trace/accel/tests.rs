@@ -91,8 +91,8 @@ fn met(corners: [Vec3A; 3], ray: &Ray) -> Option<(f64, f64)> {
 }
 
 fn random_ray(dice: &mut Dice) -> Ray {
-    let direction = Vec3A::from(dice.vec()) * (0.1 + dice.unit());
-    let origin = Vec3A::from(dice.vec()) * 3.0 - if dice.unit() < 0.5 { direction * 4.0 } else { Vec3A::ZERO };
+    let origin = Vec3A::from(dice.vec()) * 3.0;
+    let direction = (Vec3A::from(dice.vec()) - origin) * (0.1 + dice.unit());
     Ray { origin, direction, t_max: f32::INFINITY, u_time: dice.unit() }
 }
 
@@ -155,7 +155,7 @@ fn all_kinds(seed: u64, permanent: bool) {
         })
         .collect();
     let hits = compare(&scene, &stage(geometries.into(), instances), 200, &mut dice);
-    assert!(hits > 20, "rays meet something: {hits}");
+    assert!(hits > 10, "rays meet something: {hits}");
 }
 
 proptest! {
