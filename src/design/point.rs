@@ -29,7 +29,7 @@ mod tag {
 }
 
 /// What a design is made for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct DesignOptions {
     /// How runs are placed inside a pixel.
     pub kind: Kind,

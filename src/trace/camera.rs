@@ -1,6 +1,6 @@
 //! From film points to rays: projection and thin lens (Cook, Porter and Carpenter 1984, §4.2).
 
-use super::{FilmPoint, Ray};
+use super::{Backs, FilmPoint, Ray};
 use crate::design::{Factor, Point};
 use crate::scene::{Projection, StageCamera};
 use glam::{DVec2, Vec3A};
@@ -76,7 +76,8 @@ impl CameraRays {
             Projection::Perspective { .. } => (0.0, self.pixel),
             Projection::Orthographic { .. } => (self.pixel, 0.0),
         };
-        let ray = Ray { origin: world.transform_point3a(origin), direction, t_max: f32::INFINITY, u_time: film.u_time };
+        let origin = world.transform_point3a(origin);
+        let ray = Ray { origin, direction, t_max: f32::INFINITY, u_time: film.u_time, backs: Backs::Pass };
         CameraRay { ray, cone_width, cone_spread }
     }
 }

@@ -14,7 +14,7 @@ pub mod tally;
 pub mod texture;
 pub mod warp;
 
-pub use ray::{Hit, Ray};
+pub use ray::{Backs, Hit, Ray};
 
 use crate::design::Point;
 use glam::{DVec2, Vec3};

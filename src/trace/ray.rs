@@ -2,6 +2,16 @@
 
 use glam::Vec3A;
 
+/// What a ray does at the back of a single-sided surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Backs {
+    /// It passes: so the author's viewer shows it. For rays from the eye, straight or by mirrors.
+    Pass,
+    /// It stops: a wall is a wall. For rays that carry light, so that no lamp shines through a room from outside.
+    #[default]
+    Stop,
+}
+
 /// A half-line in space at one instant.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray {
@@ -13,6 +23,8 @@ pub struct Ray {
     pub t_max: f32,
     /// Time within the stage's interval, [0, 1].
     pub u_time: f32,
+    /// What it does at the back of a single-sided surface.
+    pub backs: Backs,
 }
 
 /// Where a ray met a triangle.

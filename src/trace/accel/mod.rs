@@ -29,7 +29,7 @@ pub use linear::Aabb;
 pub(in crate::trace) use linear::absolute;
 
 use crate::scene::{Geometry, Instance, MeshId, Motion, NodeId, Scene, Stage};
-use crate::trace::{Hit, Ray};
+use crate::trace::{Backs, Hit, Ray};
 use body::{Body, Form, Vertices};
 use glam::Affine3A;
 use rayon::prelude::*;
@@ -217,8 +217,8 @@ impl Accel {
 
     /// The nearest hit with 0 < t ≤ `ray.t_max`; at equal t that of the first instance and triangle.
     ///
-    /// `accept` decides about hits of surfaces with alpha (mask or blend); it must depend on the hit alone. Single-sided
-    /// surfaces let rays through from behind without asking.
+    /// `accept` decides about hits of surfaces with alpha (mask or blend); it must depend on the hit alone. What happens
+    /// at the back of a single-sided surface is the ray's choice ([`Ray::backs`]).
     #[must_use]
     pub fn closest(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> Option<Hit> {
         let (_, found) = self.run(ray, Goal::Closest, &|found| accept(&self.hit(found)));
@@ -251,7 +251,11 @@ impl Accel {
             let (a, b) = (self.hit(a), self.hit(b));
             (a.instance, a.triangle) < (b.instance, b.triangle)
         };
-        let mut query = Query { limit: ray.t_max, found: None, accept, precedes: &precedes };
+        let skips = match ray.backs {
+            Backs::Pass => block::tag::SKIP_FRONT | block::tag::SKIP_BACK,
+            Backs::Stop => 0,
+        };
+        let mut query = Query { limit: ray.t_max, found: None, skips, accept, precedes: &precedes };
         let all = Structures { world: self.world.as_deref(), places: &self.places, top: &self.top };
         let stopped = match self.kernel {
             Kernel::Portable => search_portable(&all, ray, goal, &mut query, stack),

@@ -93,7 +93,7 @@ fn met(corners: [Vec3A; 3], ray: &Ray) -> Option<(f64, f64)> {
 fn random_ray(dice: &mut Dice) -> Ray {
     let origin = Vec3A::from(dice.vec()) * 3.0;
     let direction = (Vec3A::from(dice.vec()) - origin) * (0.1 + dice.unit());
-    Ray { origin, direction, t_max: f32::INFINITY, u_time: dice.unit() }
+    Ray { origin, direction, t_max: f32::INFINITY, u_time: dice.unit(), backs: Backs::Pass }
 }
 
 /// How many rays hit; compares `closest` and `occluded` with all triangles, and both kernels with each other.

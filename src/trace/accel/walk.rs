@@ -34,6 +34,8 @@ pub(super) struct Query<'a> {
     pub(super) limit: f32,
     /// The best hit so far.
     pub(super) found: Option<Found>,
+    /// The tags for skipping that this ray honours.
+    pub(super) skips: u32,
     /// Whether a tagged candidate counts.
     pub(super) accept: &'a dyn Fn(&Found) -> bool,
     /// The order of hits at equal t.
@@ -44,7 +46,7 @@ impl Query<'_> {
     /// Considers a hit; whether it became the best.
     fn offer(&mut self, candidate: Candidate, id: u32, space: u32) -> bool {
         let skip = if candidate.front { tag::SKIP_FRONT } else { tag::SKIP_BACK };
-        if id & skip != 0 {
+        if id & skip & self.skips != 0 {
             return false;
         }
         let found = Found { candidate, space, index: id & tag::INDEX };
