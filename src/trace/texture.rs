@@ -296,6 +296,12 @@ pub fn mean(image: &Image, space: ColorSpace) -> Vec4 {
     (sum / count as f64).as_vec4()
 }
 
+/// Texel `i` (row by row) of a picture of light: 8- and 16-bit pixels are sRGB, floats are radiance.
+#[must_use]
+pub fn decode_linear(image: &Image, i: usize) -> glam::Vec3 {
+    decode(&image.pixels, i, ColorSpace::Srgb).truncate()
+}
+
 /// Whether every texel is usable: no NaN, no infinity, nothing negative.
 #[must_use]
 pub fn is_sound(image: &Image) -> bool {

@@ -1,1 +1,396 @@
-//! See the module list in `trace`.
+//! Light sampling: which light, and which point on it.
+//!
+//! One pair of coordinates does both: the choice rescales it. Emissive triangles, spheres and many point lights hang
+//! in a [tree](Lights) whose choice adapts to the receiving point and instant; the environment and suns stand beside
+//! it. A few lights without extent are not chosen at all but visited each ([`Lights::visited`]), which draws no
+//! number. Everything is evaluated at the ray's own instant.
+
+mod emitters;
+mod punctual;
+mod tree;
+mod triangle;
+
+use super::bsdf::{Bsdf, Materials};
+use super::environment::{Environment, Sides};
+use super::surface::SurfacePoint;
+use super::texture::Footprint;
+use super::warp::{Side, split};
+use crate::effects::MOST_LIGHTS_VISITED;
+use crate::numeric::gamma;
+use crate::scene::{AlphaMode, Scene, Stage};
+use emitters::{Emitters, attributes_at, winding};
+use glam::{Vec2, Vec3, Vec3A};
+use punctual::Nature;
+use tree::{Receiver, Tree};
+use triangle::SeenTriangle;
+
+/// Where light is received.
+#[derive(Debug, Clone, Copy)]
+pub struct LightQuery {
+    /// The receiving point, world space.
+    pub position: Vec3A,
+    /// Unit normal of the true surface on the viewer's side.
+    pub normal: Vec3A,
+    /// On which sides light can act.
+    pub sides: Sides,
+    /// The ray's instant within the stage's interval, [0, 1].
+    pub u_time: f32,
+}
+
+impl LightQuery {
+    /// For a shaded point.
+    #[must_use]
+    pub fn new(point: &SurfacePoint, bsdf: &Bsdf, u_time: f32) -> Self {
+        let sides = if bsdf.transmits() { Sides::Both } else { Sides::Above };
+        Self { position: point.position, normal: bsdf.geometric_normal(), sides, u_time }
+    }
+
+    fn receiver(&self) -> Receiver {
+        Receiver { position: self.position, normal: self.normal, sides: self.sides, u_time: self.u_time }
+    }
+}
+
+/// Light that may arrive, were nothing in the way.
+#[derive(Debug, Clone, Copy)]
+pub struct LightSample {
+    /// Where it comes from, unit.
+    pub wi: Vec3A,
+    /// How far a shadow ray along `wi` must be free: short of the light's own surface by the rounding of its place;
+    /// infinite for the sky.
+    pub distance: f32,
+    /// Radiance; for lights without extent the irradiance on a surface that faces them.
+    pub radiance: Vec3,
+    /// Density of `wi` by solid angle, the choice of the light included; for lights without extent that choice's
+    /// probability alone. Divide by it.
+    pub pdf_solid_angle: f32,
+    /// Whether nothing else than light sampling can find it: no multiple importance sampling.
+    pub is_delta: bool,
+    /// Instance and triangle of an emissive surface.
+    pub emitter: Option<(u32, u32)>,
+}
+
+/// How many lights of each kind there are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct LightKinds {
+    /// Emissive triangles.
+    pub triangles: usize,
+    /// Instances of them that move.
+    pub moving_emitters: usize,
+    /// Sphere lights.
+    pub spheres: usize,
+    /// Directional lights with an angle.
+    pub discs: usize,
+    /// Lights without extent.
+    pub deltas: usize,
+    /// Whether light comes from all around.
+    pub environment: bool,
+}
+
+/// All lights of a stage, prepared for sampling.
+#[derive(Debug)]
+pub struct Lights<'a> {
+    scene: &'a Scene,
+    stage: &'a Stage,
+    materials: &'a Materials,
+    environment: &'a Environment,
+    emitters: Emitters,
+    /// Stage lights in the tree, after the emitters.
+    near: Vec<usize>,
+    tree: Tree,
+    /// Stage lights from infinitely far that are chosen, not visited.
+    suns: Vec<usize>,
+    visited: Vec<usize>,
+    /// Stage lights that a ray can see.
+    seen: Vec<usize>,
+    kinds: LightKinds,
+}
+
+impl<'a> Lights<'a> {
+    /// Collects the stage's lights and builds their tree.
+    #[must_use]
+    pub fn build(scene: &'a Scene, stage: &'a Stage, materials: &'a Materials, environment: &'a Environment) -> Self {
+        let emitters = Emitters::new(scene, stage, materials);
+        let natures: Vec<Nature> = stage.lights.iter().map(punctual::nature).collect();
+        let shines = |i: &usize| stage.lights[*i].light.intensity.max_element() > 0.0;
+        let of = |wanted: &[Nature]| -> Vec<usize> {
+            (0..natures.len()).filter(|i| wanted.contains(&natures[*i]) && shines(i)).collect()
+        };
+        let deltas = of(&[Nature::Point, Nature::Direction]);
+        let few = deltas.len() <= MOST_LIGHTS_VISITED;
+        let near = if few { of(&[Nature::Sphere]) } else { of(&[Nature::Sphere, Nature::Point]) };
+        let suns = if few { of(&[Nature::Disc]) } else { of(&[Nature::Disc, Nature::Direction]) };
+        let mut extents = emitters.extents.clone();
+        extents.extend(near.iter().map(|&i| punctual::extent(&stage.lights[i])));
+        let kinds = LightKinds {
+            triangles: emitters.list.len(),
+            moving_emitters: emitters.moving_instances,
+            spheres: of(&[Nature::Sphere]).len(),
+            discs: of(&[Nature::Disc]).len(),
+            deltas: deltas.len(),
+            environment: !environment.is_black(),
+        };
+        Self {
+            scene,
+            stage,
+            materials,
+            environment,
+            tree: Tree::new(&extents),
+            emitters,
+            near,
+            suns,
+            visited: if few { deltas } else { Vec::new() },
+            seen: of(&[Nature::Sphere, Nature::Disc]),
+            kinds,
+        }
+    }
+
+    /// How many lights of each kind there are.
+    #[must_use]
+    pub fn kinds(&self) -> LightKinds {
+        self.kinds
+    }
+
+    /// Whether [`Lights::sample`] has anything to choose from; otherwise its coordinates need not be drawn.
+    #[must_use]
+    pub fn needs_sampling(&self) -> bool {
+        !self.environment.is_black() || !self.suns.is_empty() || !self.emitters.list.is_empty() || !self.near.is_empty()
+    }
+
+    /// How many lights are visited each at every vertex: see [`Lights::visit`].
+    #[must_use]
+    pub fn visited(&self) -> usize {
+        self.visited.len()
+    }
+
+    /// The `i`-th visited light at `q`: a light without extent, with probability 1. `None` where it gives nothing.
+    #[must_use]
+    pub fn visit(&self, i: usize, q: &LightQuery) -> Option<LightSample> {
+        self.punctual_sample(self.visited[i], q, 1.0, Vec2::splat(0.5))
+    }
+
+    /// Chooses a light and a point on it.
+    #[must_use]
+    pub fn sample(&self, q: &LightQuery, u: Vec2) -> Option<LightSample> {
+        let r = q.receiver();
+        let shares = self.shares(q, &r)?;
+        let (group, x) = split(u.x, shares.tree);
+        let mut u = Vec2::new(x, u.y);
+        if group == Side::First {
+            let (light, chance, u) = self.tree.choose(&r, u)?;
+            let chance = chance * shares.tree;
+            return match light.checked_sub(self.emitters.list.len()) {
+                Some(i) => self.punctual_sample(self.near[i], q, chance, u),
+                None => self.emitter_sample(light, q, chance, u),
+            };
+        }
+        let (group, x) = split(u.x, (shares.environment / (1.0 - shares.tree)).min(1.0));
+        u.x = x;
+        if group == Side::First {
+            return self.environment.sample(q.normal, q.sides, u).map(|s| LightSample {
+                wi: s.wi,
+                distance: f32::INFINITY,
+                radiance: s.radiance,
+                pdf_solid_angle: s.pdf_solid_angle * shares.environment,
+                is_delta: false,
+                emitter: None,
+            });
+        }
+        let mut left = shares.suns;
+        for &sun in &self.suns {
+            let chance = shares.of_sun(self.sun_irradiance(sun, q));
+            let (side, x) = split(u.x, if left > chance { chance / left } else { 1.0 });
+            u.x = x;
+            if side == Side::First && chance > 0.0 {
+                return self.punctual_sample(sun, q, chance, u);
+            }
+            left -= chance;
+        }
+        None
+    }
+
+    fn sun_irradiance(&self, sun: usize, q: &LightQuery) -> f32 {
+        punctual::far_irradiance(&self.stage.lights[sun], q.normal, q.sides == Sides::Both, q.u_time).min(MOST_ESTIMATE)
+    }
+
+    fn punctual_sample(&self, i: usize, q: &LightQuery, chance: f32, u: Vec2) -> Option<LightSample> {
+        let light = &self.stage.lights[i];
+        let a = punctual::sample(light, q.position, q.u_time, u)?;
+        Some(LightSample {
+            wi: a.wi,
+            distance: shortened(a.distance, q.position),
+            radiance: a.light,
+            pdf_solid_angle: a.pdf_solid_angle * chance,
+            is_delta: matches!(punctual::nature(light), Nature::Point | Nature::Direction),
+            emitter: None,
+        })
+    }
+
+    fn emitter_sample(&self, number: usize, q: &LightQuery, chance: f32, u: Vec2) -> Option<LightSample> {
+        let emitter = self.emitters.list[number];
+        let corners = self.emitters.corners(self.scene, self.stage, number, q.u_time);
+        let seen = SeenTriangle::new(corners, q.position)?;
+        let mesh =
+            &self.scene.meshes[self.stage.geometries[self.stage.instances[emitter.instance as usize].geometry].mesh];
+        let material = &self.scene.materials[mesh.material];
+        if !material.double_sided && seen.facing() * winding(self.stage, emitter.instance, q.u_time) <= 0.0 {
+            return None;
+        }
+        let s = seen.sample(u)?;
+        let plain = material.emissive_texture.is_none() && material.alpha_mode == AlphaMode::Opaque;
+        let radiance = if plain {
+            material.emissive
+        } else {
+            let b = self.emitters.whole_barycentric(number, s.barycentric);
+            let (uvs, alpha) = attributes_at(mesh, emitter.triangle, b);
+            let footprint = Footprint { width: 0.0, u: u.x };
+            self.materials.emission(self.scene, mesh.material, &uvs, footprint)
+                * self.materials.alpha(self.scene, mesh.material, &uvs, alpha, footprint)
+        };
+        (radiance != Vec3::ZERO).then(|| LightSample {
+            wi: s.wi,
+            distance: shortened(s.distance, q.position),
+            radiance,
+            pdf_solid_angle: s.pdf_solid_angle * chance,
+            is_delta: false,
+            emitter: Some((emitter.instance, emitter.triangle)),
+        })
+    }
+
+    /// Density by solid angle with which [`Lights::sample`] would have drawn `wi` towards the emissive triangle that
+    /// a ray from `q.position` met at `distance` with barycentric weights `barycentric` (of the second and third
+    /// vertex). 0 for triangles that do not emit.
+    #[must_use]
+    pub fn emitter_pdf(
+        &self,
+        q: &LightQuery,
+        wi: Vec3A,
+        distance: f32,
+        (instance, triangle): (u32, u32),
+        barycentric: Vec2,
+    ) -> f32 {
+        let Some(number) = self.emitters.find(instance, triangle, barycentric) else { return 0.0 };
+        let r = q.receiver();
+        let Some(shares) = self.shares(q, &r) else { return 0.0 };
+        let chance = shares.tree * self.tree.chance(number, &r);
+        if chance <= 0.0 {
+            return 0.0;
+        }
+        let corners = self.emitters.corners(self.scene, self.stage, number, q.u_time);
+        SeenTriangle::new(corners, q.position).map_or(0.0, |seen| chance * seen.pdf(wi, distance))
+    }
+
+    /// What a ray from `q.position` along `wi` sees beside surfaces before `t_max` (infinite for one that escapes):
+    /// each light's radiance, with the density by solid angle with which [`Lights::sample`] would have found it.
+    pub fn seen(&self, q: &LightQuery, wi: Vec3A, t_max: f32, mut each: impl FnMut(Vec3, f32)) {
+        let escaped = t_max == f32::INFINITY;
+        if self.seen.is_empty() && (!escaped || self.environment.is_black()) {
+            return;
+        }
+        let r = q.receiver();
+        let shares = self.shares(q, &r);
+        if escaped && !self.environment.is_black() {
+            let share = shares.as_ref().map_or(0.0, |s| s.environment);
+            each(self.environment.radiance(wi), share * self.environment.pdf(q.normal, q.sides, wi));
+        }
+        for &i in &self.seen {
+            let Some((distance, radiance, pdf)) = punctual::seen(&self.stage.lights[i], q.position, wi, q.u_time)
+            else {
+                continue;
+            };
+            if distance > t_max || (distance == f32::INFINITY && !escaped) {
+                continue;
+            }
+            let chance = shares.as_ref().map_or(0.0, |s| match self.near.iter().position(|&n| n == i) {
+                Some(n) => s.tree * self.tree.chance(self.emitters.list.len() + n, &r),
+                None => s.of_sun(self.sun_irradiance(i, q)),
+            });
+            each(radiance, pdf * chance);
+        }
+    }
+
+    /// Radiance from beyond all surfaces along `wi`: environment and the discs of suns, as mirrors and the camera see
+    /// them.
+    #[must_use]
+    pub fn sky(&self, wi: Vec3A, u_time: f32) -> Vec3 {
+        let mut sum = self.environment.radiance(wi);
+        for &i in &self.seen {
+            if let Some((distance, radiance, _)) = punctual::seen(&self.stage.lights[i], Vec3A::ZERO, wi, u_time)
+                && distance == f32::INFINITY
+            {
+                sum += radiance;
+            }
+        }
+        sum
+    }
+
+    /// Radiance of sphere lights that a mirror-like ray from `from` along `wi` passes before `t_max`.
+    #[must_use]
+    pub fn spheres(&self, from: Vec3A, wi: Vec3A, t_max: f32, u_time: f32) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        for &i in &self.seen {
+            if let Some((distance, radiance, _)) = punctual::seen(&self.stage.lights[i], from, wi, u_time)
+                && distance < t_max
+                && distance.is_finite()
+            {
+                sum += radiance;
+            }
+        }
+        sum
+    }
+
+    /// With which probability each group is chosen at `q`; `None` where none can reach it.
+    fn shares(&self, q: &LightQuery, r: &Receiver) -> Option<Shares> {
+        let tree = self.tree.importance(r).min(MOST_ESTIMATE);
+        let environment = self.environment.irradiance().min(MOST_ESTIMATE);
+        let suns: f32 = self.suns.iter().map(|&sun| self.sun_irradiance(sun, q)).sum();
+        let total = tree + environment + suns;
+        if total <= 0.0 {
+            return None;
+        }
+        // Estimates may err; each group that can contribute keeps a tenth of an even share.
+        let groups = [tree, environment, suns].iter().filter(|&&x| x > 0.0).count();
+        let share = |x: f32| if x > 0.0 { 0.9 * (x / total) + 0.1 / groups as f32 } else { 0.0 };
+        let mut shares =
+            Shares { tree: share(tree), environment: share(environment), suns: share(suns), sun_total: suns };
+        if groups == 1 {
+            // Exactly 1, not 0.9 + 0.1: the choice must not lose a rounding.
+            let only = |x: f32| f32::from(u8::from(x > 0.0));
+            (shares.tree, shares.environment, shares.suns) = (only(tree), only(environment), only(suns));
+        }
+        Some(shares)
+    }
+}
+
+/// Estimates of irradiance are held below this, so that sums and ratios stay finite.
+const MOST_ESTIMATE: f32 = 1e36;
+
+/// Probabilities of the groups.
+#[derive(Debug, Clone, Copy)]
+struct Shares {
+    tree: f32,
+    environment: f32,
+    suns: f32,
+    /// Sum of the suns' estimates.
+    sun_total: f32,
+}
+
+impl Shares {
+    /// Probability of a sun of the given estimate.
+    fn of_sun(&self, irradiance: f32) -> f32 {
+        if self.sun_total > 0.0 { self.suns * (irradiance / self.sun_total) } else { 0.0 }
+    }
+}
+
+/// A distance to a light, less what its place and the receiver's may err by, so that a shadow ray stops short of it.
+fn shortened(distance: f32, from: Vec3A) -> f32 {
+    if distance == f32::INFINITY {
+        return distance;
+    }
+    // Corners pass a transform (γ₄ of their magnitude), an interpolation and a subtraction; magnitudes are at most
+    // the receiver's plus the distance.
+    let error = gamma(16) * (from.abs().max_element() + distance);
+    (distance - error).max(0.0)
+}
+
+#[cfg(test)]
+mod tests;

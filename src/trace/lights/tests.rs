@@ -1,0 +1,1 @@
+//! Light sampling against closed forms.
