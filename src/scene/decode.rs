@@ -80,7 +80,7 @@ pub(crate) fn picture(bytes: &[u8], most: u64) -> Result<Decoded, String> {
         return Err(format!("its {width} x {height} pixels take more than {} MiB", most >> 20));
     }
     if is_ktx2(bytes) {
-        return guarded("KTX2", || ktx2(bytes, width, height));
+        return guarded("KTX2", || ktx2(bytes, (width, height), most));
     }
     guarded("image", || {
         let mut reader = reader(bytes)?;
@@ -104,6 +104,30 @@ fn pixels(image: DynamicImage) -> Pixels {
     }
 }
 
-fn ktx2(_bytes: &[u8], _width: u32, _height: u32) -> Result<Decoded, String> {
-    Err("KTX2 is not supported".into())
+/// Decodes the largest level of a Basis Universal texture (`KHR_texture_basisu`).
+fn ktx2(bytes: &[u8], (width, height): (u32, u32), most: u64) -> Result<Decoded, String> {
+    const LEVELS: usize = 80;
+    let count = word(bytes, 40)?.max(1);
+    if count > 32 {
+        return Err(format!("it has {count} mip levels, expected at most 32"));
+    }
+    for level in 0..count as usize {
+        // The transcoder allocates what the level index says.
+        let at = LEVELS + level * 24 + 16;
+        let size = u64::from(word(bytes, at)?) | (u64::from(word(bytes, at + 4)?) << 32);
+        if size > most {
+            return Err(format!("its level {level} takes {size} bytes, more than {most}"));
+        }
+    }
+    let problem = |e: basisu::Error| format!("{e:?}");
+    let texture = basisu::Transcoder::new(bytes).map_err(problem)?;
+    if texture.base_dimensions() != (width, height) {
+        return Err("its header contradicts itself".into());
+    }
+    let rgba = texture.transcode(0, basisu::TargetFormat::Rgba32, basisu::DecodeFlags::NONE).map_err(problem)?;
+    let pixels: Vec<[u8; 4]> = rgba.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect();
+    if pixels.len() as u64 != u64::from(width) * u64::from(height) {
+        return Err(format!("it decodes to {} pixels, expected {width} x {height}", pixels.len()));
+    }
+    Ok(Decoded { width, height, pixels: Pixels::Rgba8(pixels) })
 }

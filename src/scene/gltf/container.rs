@@ -1,6 +1,6 @@
 //! The outermost layer: GLB chunks, JSON, version and required extensions.
 
-use super::context::Context;
+use super::context::{Context, plain};
 use super::schema::Document;
 use crate::{Error, Result};
 
@@ -44,7 +44,7 @@ pub(super) fn open(ctx: &Context<'_>, bytes: &[u8]) -> Result<(Document, Option<
     }
     let doc = serde_json::from_slice(json).map_err(|e| {
         let what = if e.is_data() { "the JSON does not follow glTF's schema" } else { "is not valid JSON" };
-        ctx.error("file", format!("{what}: {e}"))
+        ctx.error("file", format!("{what}: {}", plain(&e)))
     })?;
     Ok((doc, binary.map(<[u8]>::to_vec)))
 }

@@ -113,7 +113,7 @@ impl<'a> Context<'a> {
     /// The entry `index` of an array of the document.
     pub(super) fn get<'t, T>(&self, list: &'t [T], index: usize, kind: &str, object: &str) -> Result<&'t T> {
         list.get(index).ok_or_else(|| {
-            self.error(object, format!("refers to {kind} {index}, but the file has {} of them", list.len()))
+            self.error(object, format!("refers to {kind} {index}, but there are only {}", list.len()))
         })
     }
 
@@ -128,7 +128,7 @@ impl<'a> Context<'a> {
             None => Ok(None),
             Some(value) => serde_json::from_value(value.clone())
                 .map(Some)
-                .map_err(|e| self.error(object, format!("the extension {name} is malformed: {e}"))),
+                .map_err(|e| self.error(object, format!("the extension {name} is malformed: {}", plain(&e)))),
         }
     }
 
@@ -165,4 +165,27 @@ impl<'a> Context<'a> {
 /// How an object is called in messages: `mesh 3 "Body"`.
 pub(super) fn label(kind: &str, index: usize, name: &str) -> String {
     if name.is_empty() { format!("{kind} {index}") } else { format!("{kind} {index} \"{}\"", name.escape_debug()) }
+}
+
+/// A JSON error without Rust's names for types.
+pub(super) fn plain(error: &serde_json::Error) -> String {
+    let mut text = error.to_string();
+    for (rust, words) in [
+        ("expected usize", "expected a whole number from 0 up"),
+        ("expected u64", "expected a whole number from 0 up"),
+        ("expected u32", "expected a whole number from 0 up"),
+        ("expected f64", "expected a number"),
+        ("a sequence", "an array"),
+        ("a map", "an object"),
+        ("type: map", "type: object"),
+        ("type: sequence", "type: array"),
+    ] {
+        text = text.replace(rust, words);
+    }
+    if let Some(start) = text.find("expected struct ") {
+        let name = start + "expected struct ".len();
+        let end = text[name..].find(' ').map_or(text.len(), |n| name + n);
+        text.replace_range(start..end, "expected an object");
+    }
+    text
 }

@@ -1,6 +1,6 @@
 //! Material extensions: `KHR_materials_*`.
 
-use super::context::Context;
+use super::context::{Context, plain};
 use super::materials::{POSITIVE, UNIT, texture};
 use super::schema::{Object, TextureInfo};
 use super::textures::{Conversion, Wanted};
@@ -27,7 +27,7 @@ impl Reader<'_, '_> {
             None => Ok(None),
             Some(value) => serde_json::from_value(value.clone())
                 .map(Some)
-                .map_err(|e| self.ctx.error(self.object, format!("{}.{key} is malformed: {e}", self.name))),
+                .map_err(|e| self.ctx.error(self.object, format!("{}.{key} is malformed: {}", self.name, plain(&e)))),
         }
     }
 
