@@ -21,11 +21,11 @@ const PAD: u8 = u8::MAX;
 /// Uses of a pixel's key, kept apart.
 mod tag {
     pub(super) const SCRAMBLE: u64 = 0;
-    pub(super) const SHUFFLE: u64 = 1 << 32;
-    pub(super) const JITTER: u64 = 2 << 32;
-    pub(super) const LEVELS: u64 = 3 << 32;
-    pub(super) const REFINE: u64 = 4 << 32;
-    pub(super) const MASK: u64 = 5 << 32;
+    pub(super) const SHUFFLE: u64 = 1 << 56;
+    pub(super) const JITTER: u64 = 2 << 56;
+    pub(super) const LEVELS: u64 = 3 << 56;
+    pub(super) const REFINE: u64 = 4 << 56;
+    pub(super) const MASK: u64 = 5 << 56;
 }
 
 /// What a design is made for.
@@ -342,7 +342,7 @@ impl Point<'_> {
         let runs = self.pixel.design.runs;
         let place = if factor.index() < 2 { factor.index() } else { factor.index() - 3 };
         let (pair, second) = (place / 2 + u16::from(factor.index() > 2), place % 2 == 1);
-        let cell = permute(self.run, runs, subkey(self.pixel.key, tag::SHUFFLE | u64::from(pair)));
+        let cell = permute(self.run, runs, subkey(self.pixel.key, tag::SHUFFLE | 1 << 16 | u64::from(pair)));
         let rows = round_root(runs);
         let (short, longer) = (runs / rows, runs % rows);
         // The first `longer` rows have one cell more.
@@ -389,7 +389,7 @@ impl Point<'_> {
         } else {
             ((index - 5) / Factor::PER_VERTEX, (index - 5) % Factor::PER_VERTEX)
         };
-        let key = subkey(self.pixel.key, tag::SHUFFLE | u64::from(group) << 16);
+        let key = subkey(self.pixel.key, tag::SHUFFLE | 2 << 16 | u64::from(group) << 32);
         let run = shuffle_index(self.run, design.pad.bits(), subseed(key, 4));
         scramble_reversed(design.pad.reversed(usize::from(column), run), subseed(key, u64::from(column))).reverse_bits()
     }

@@ -1,1 +1,6 @@
-//! study.
+//! Experiments on the side: variance of designs, structure between pixels, patterns and spectra.
+//!
+//! Reads all other modules, is read by none.
+
+pub mod designs;
+pub mod plots;

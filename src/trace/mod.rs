@@ -4,10 +4,12 @@
 //! functions with exact integrals that prove designs, filters and estimators right before a scene hides their faults.
 
 pub mod accel;
+pub mod analytic;
 pub mod bsdf;
 pub mod camera;
 pub mod environment;
 pub mod lights;
+mod quadrature;
 pub mod ray;
 pub mod surface;
 pub mod tally;

@@ -1,0 +1,476 @@
+//! Analytic image functions with exact integrals: what proves designs, filters and estimators right.
+//!
+//! Seven kinds, each in up to seven dimensions (film x y, shutter, lens u v, light u v). A *placement* is one of a kind
+//! with parameters drawn from a seed, such that its edges cross the pixel at the origin. Edges, soft shadows, products
+//! and zone plates have closed forms; the disk and the wheel are closed in all but two or three dimensions, over which
+//! Gauss panels integrate to about 10⁻⁵.
+
+use super::quadrature::{
+    circle_rectangle_overlap, circles_overlap, half_space_volume, integrate, integrate_pieces, panels,
+    two_uniforms_between,
+};
+use super::{FilmPoint, ImageFunction};
+use crate::design::{Factor, Point};
+use crate::numeric::mix64;
+use glam::Vec3;
+use std::f64::consts::PI;
+
+/// The factors in the order of a function's coordinates.
+pub const FACTORS: [Factor; 7] = [
+    Factor::FILM_X,
+    Factor::FILM_Y,
+    Factor::SHUTTER,
+    Factor::LENS_U,
+    Factor::LENS_V,
+    Factor::light_u(0),
+    Factor::light_v(0),
+];
+
+/// Which of the seven functions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum AnalyticKind {
+    /// A straight edge that moves: x, y, t.
+    Edge,
+    /// The same out of focus, the lens a square: x, y, t, lens.
+    LensEdge,
+    /// The soft shadow of a moving square under a square light: x, y, t, light.
+    SoftShadow,
+    /// A moving disk between a thin round lens and a plane that a square light lights: all seven.
+    Disk,
+    /// A product of Gaussians in all seven.
+    SmoothProduct,
+    /// A moving zone plate: x, y, t.
+    ZonePlate,
+    /// A spinning wheel of spokes and rings: x, y, t.
+    Wheel,
+}
+
+impl AnalyticKind {
+    /// All seven, in the order of the tables.
+    pub const ALL: [Self; 7] =
+        [Self::Edge, Self::LensEdge, Self::SoftShadow, Self::Disk, Self::SmoothProduct, Self::ZonePlate, Self::Wheel];
+
+    /// A short name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Edge => "edge",
+            Self::LensEdge => "lens-edge",
+            Self::SoftShadow => "soft-shadow",
+            Self::Disk => "disk",
+            Self::SmoothProduct => "smooth",
+            Self::ZonePlate => "zone-plate",
+            Self::Wheel => "wheel",
+        }
+    }
+
+    /// The factors that the function varies with.
+    #[must_use]
+    pub fn factors(self) -> Vec<Factor> {
+        match self {
+            Self::Edge | Self::ZonePlate | Self::Wheel => FACTORS[..3].to_vec(),
+            Self::LensEdge => FACTORS[..5].to_vec(),
+            Self::SoftShadow => [&FACTORS[..3], &FACTORS[5..]].concat(),
+            Self::Disk | Self::SmoothProduct => FACTORS.to_vec(),
+        }
+    }
+}
+
+/// One function with its parameters: pixels and exposures are the units.
+#[derive(Debug, Clone)]
+pub struct Analytic {
+    kind: AnalyticKind,
+    shape: Shape,
+}
+
+#[derive(Debug, Clone)]
+enum Shape {
+    /// One where weights · (x, y, t, lens) < c.
+    HalfSpace {
+        weights: Vec<f64>,
+        c: f64,
+    },
+    /// Zero where (x, y) + v t + b (light − ½) is within `half` of `centre` in both axes.
+    Shadow {
+        centre: [f64; 2],
+        velocity: [f64; 2],
+        penumbra: f64,
+        half: f64,
+    },
+    Disk(MovingDisk),
+    /// Π exp(−(aⱼ (pⱼ − bⱼ))²); film coordinates relative to the pixel at the origin.
+    Gaussians {
+        a: [f64; 7],
+        b: [f64; 7],
+    },
+    /// ½ + ½ cos(k ((x − v t − cx)² + (y − cy)²)).
+    Zone {
+        k: f64,
+        speed: f64,
+        centre: [f64; 2],
+    },
+    /// Spokes: the sign of a square wave of `spokes` periods a turn, turning by `turn` periods in the exposure, times
+    /// the sign of the ring.
+    Wheel {
+        centre: [f64; 2],
+        spokes: f64,
+        turn: f64,
+        ring: f64,
+    },
+}
+
+#[derive(Debug, Clone, Copy)]
+struct MovingDisk {
+    centre: [f64; 2],
+    velocity: [f64; 2],
+    radius: f64,
+    /// Circle of confusion's radius at the disk, pixels.
+    lens: f64,
+    /// Side of the light as seen from the plane, projected onto the disk's plane.
+    light: f64,
+    /// Where the light's centre is projected to, from the pixel.
+    offset: [f64; 2],
+    emitted: f64,
+}
+
+/// A short stream of independent numbers in [0, 1) for parameters.
+struct Parameters(u64);
+
+impl Parameters {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        #[allow(clippy::cast_precision_loss, reason = "53 bits")]
+        let unit = (mix64(self.0) >> 11) as f64 / (1_u64 << 53) as f64;
+        unit
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// Log-uniform.
+    fn scale(&mut self, low: f64, high: f64) -> f64 {
+        low * libm::pow(high / low, self.unit())
+    }
+
+    fn direction(&mut self) -> [f64; 2] {
+        // Not along an axis: weights must not vanish.
+        loop {
+            let (s, c) = libm::sincos(2.0 * PI * self.unit());
+            if s.abs() > 0.03 && c.abs() > 0.03 {
+                return [c, s];
+            }
+        }
+    }
+
+    fn vector(&mut self, low: f64, high: f64) -> [f64; 2] {
+        let [x, y] = self.direction();
+        let length = self.scale(low, high);
+        [x * length, y * length]
+    }
+}
+
+impl Analytic {
+    /// The placement number `placement` of a kind, drawn from `seed`.
+    #[must_use]
+    pub fn placement(kind: AnalyticKind, placement: u32, seed: u64) -> Self {
+        let mut p = Parameters(mix64(seed ^ mix64(u64::from(placement) << 8 | kind as u64)));
+        let shape = match kind {
+            AnalyticKind::Edge | AnalyticKind::LensEdge => {
+                let [nx, ny] = p.direction();
+                let [vx, vy] = p.vector(0.2, 4.0);
+                let mut weights = vec![nx, ny, -(nx * vx + ny * vy)];
+                if weights[2].abs() < 0.03 {
+                    weights[2] = 0.03;
+                }
+                if kind == AnalyticKind::LensEdge {
+                    let blur = p.scale(0.3, 4.0);
+                    weights.extend([nx * blur, ny * blur]);
+                }
+                let c = weights.iter().map(|w| w * p.unit()).sum();
+                Shape::HalfSpace { weights, c }
+            }
+            AnalyticKind::SoftShadow => {
+                let (velocity, penumbra, half) = (p.vector(0.2, 4.0), p.scale(0.3, 4.0), p.scale(0.4, 4.0));
+                let (t, side) = (p.unit(), if p.unit() < 0.5 { -half } else { half });
+                let edge = [side, p.between(-half, half)];
+                let centre = [0, 1].map(|k| p.unit() + velocity[k] * t + penumbra * (p.unit() - 0.5) - edge[k]);
+                Shape::Shadow { centre, velocity, penumbra, half }
+            }
+            AnalyticKind::Disk => {
+                let (velocity, radius) = (p.vector(0.2, 2.0), p.scale(1.0, 8.0));
+                let [ex, ey] = p.direction();
+                let (t, offset) = (p.unit(), p.vector(0.05, 2.0));
+                Shape::Disk(MovingDisk {
+                    centre: [p.unit() - radius * ex - velocity[0] * t, p.unit() - radius * ey - velocity[1] * t],
+                    velocity,
+                    radius,
+                    lens: p.scale(0.2, 2.0),
+                    light: p.scale(0.3, 3.0),
+                    offset,
+                    emitted: 0.3,
+                })
+            }
+            AnalyticKind::SmoothProduct => {
+                Shape::Gaussians { a: std::array::from_fn(|_| p.scale(0.4, 2.0)), b: std::array::from_fn(|_| p.unit()) }
+            }
+            AnalyticKind::ZonePlate => Shape::Zone {
+                k: p.scale(1.0, 12.0),
+                speed: p.scale(0.2, 3.0),
+                centre: [p.between(-2.0, 3.0), p.between(-2.0, 3.0)],
+            },
+            AnalyticKind::Wheel => {
+                let [dx, dy] = p.direction();
+                let away = p.scale(1.2, 12.0);
+                Shape::Wheel {
+                    centre: [0.5 + dx * away, 0.5 + dy * away],
+                    spokes: libm::floor(p.between(6.0, 25.0)),
+                    turn: p.scale(0.3, 6.0),
+                    ring: p.scale(0.4, 2.0),
+                }
+            }
+        };
+        Self { kind, shape }
+    }
+
+    /// Which of the seven.
+    #[must_use]
+    pub fn kind(&self) -> AnalyticKind {
+        self.kind
+    }
+
+    /// Its value at film position (x, y) in pixels, then time, lens u v, light u v in [0, 1).
+    #[must_use]
+    pub fn value(&self, p: &[f64; 7]) -> f64 {
+        match &self.shape {
+            Shape::HalfSpace { weights, c } => {
+                f64::from(u8::from(weights.iter().zip(p).map(|(w, x)| w * x).sum::<f64>() < *c))
+            }
+            Shape::Shadow { centre, velocity, penumbra, half } => {
+                let inside =
+                    (0..2).all(|k| (p[k] + velocity[k] * p[2] + penumbra * (p[5 + k] - 0.5) - centre[k]).abs() < *half);
+                if inside { 0.0 } else { 1.0 }
+            }
+            Shape::Disk(disk) => disk.value(p),
+            Shape::Gaussians { a, b } => {
+                let sum: f64 = (0..7).map(|k| (a[k] * (p[k] - b[k])).powi(2)).sum();
+                libm::exp(-sum)
+            }
+            Shape::Zone { k, speed, centre } => {
+                let (x, y) = (p[0] - speed * p[2] - centre[0], p[1] - centre[1]);
+                0.5 + 0.5 * libm::cos(k * (x * x + y * y))
+            }
+            Shape::Wheel { centre, spokes, turn, ring } => {
+                let (x, y) = (p[0] - centre[0], p[1] - centre[1]);
+                let phase = libm::atan2(y, x) * spokes / (2.0 * PI) + turn * p[2];
+                let spoke = if phase - libm::floor(phase) < 0.5 { 1.0 } else { -1.0 };
+                0.5 + 0.5 * spoke * ring_sign(x.hypot(y), *ring)
+            }
+        }
+    }
+
+    /// The integral over the pixel whose corner is (x, y), the whole exposure, lens and light: `value`'s mean there.
+    /// `fine` Gauss panels (of eight nodes) a dimension where there is no closed form; 4 give about 10⁻⁵.
+    #[must_use]
+    pub fn mean(&self, x: f64, y: f64, fine: usize) -> f64 {
+        match &self.shape {
+            Shape::HalfSpace { weights, c } => half_space_volume(weights, c - weights[0] * x - weights[1] * y),
+            Shape::Shadow { centre, velocity, penumbra, half } => {
+                let corner = [x, y];
+                let at = |k: usize, t: f64| corner[k] + 0.5 + velocity[k] * t - centre[k];
+                // Both axes' shares are polynomials in t between these times.
+                let mut breaks = Vec::new();
+                for k in 0..2 {
+                    for edge in [-half, *half] {
+                        for bend in [-1.0 - penumbra, -1.0 + penumbra, 1.0 - penumbra, 1.0 + penumbra] {
+                            breaks.push((edge + 0.5 * bend - at(k, 0.0)) / velocity[k]);
+                        }
+                    }
+                }
+                let share = |k: usize, t: f64| two_uniforms_between(1.0, *penumbra, -half - at(k, t), half - at(k, t));
+                1.0 - integrate_pieces(0.0, 1.0, &mut breaks, 1, |t| share(0, t) * share(1, t))
+            }
+            Shape::Disk(disk) => disk.mean(x, y, fine),
+            Shape::Gaussians { a, b } => (0..7)
+                .map(|k| {
+                    let low = [x, y, 0.0, 0.0, 0.0, 0.0, 0.0][k];
+                    let erf = |p: f64| libm::erf(a[k] * (p - b[k]));
+                    (erf(low + 1.0) - erf(low)) * PI.sqrt() / (2.0 * a[k])
+                })
+                .product(),
+            Shape::Zone { k, speed, centre } => zone_mean(*k, *speed, [x - centre[0], y - centre[1]]),
+            Shape::Wheel { centre, spokes, turn, ring } => {
+                wheel_mean([x - centre[0], y - centre[1]], *spokes, *turn, *ring, fine)
+            }
+        }
+    }
+}
+
+impl ImageFunction for Analytic {
+    fn radiance(&self, film: FilmPoint, point: &Point<'_>) -> Vec3 {
+        let mut p = [film.position.x, film.position.y, f64::from(film.u_time), 0.0, 0.0, 0.0, 0.0];
+        for factor in self.kind.factors() {
+            if let Some(at) = FACTORS.iter().position(|f| *f == factor).filter(|&at| at > 2) {
+                p[at] = f64::from(point.get(factor));
+            }
+        }
+        #[allow(clippy::cast_possible_truncation, reason = "radiance is f32")]
+        let value = self.value(&p) as f32;
+        Vec3::splat(value)
+    }
+}
+
+impl MovingDisk {
+    fn at(&self, t: f64) -> [f64; 2] {
+        [0, 1].map(|k| self.centre[k] + self.velocity[k] * t)
+    }
+
+    fn value(&self, p: &[f64; 7]) -> f64 {
+        let [cx, cy] = self.at(p[2]);
+        let [lx, ly] = disk_from_square(p[3], p[4]).map(|l| l * self.lens);
+        if (p[0] + lx - cx).powi(2) + (p[1] + ly - cy).powi(2) < self.radius * self.radius {
+            return self.emitted;
+        }
+        let (gx, gy) =
+            (p[0] + self.offset[0] + self.light * (p[5] - 0.5), p[1] + self.offset[1] + self.light * (p[6] - 0.5));
+        if (gx - cx).powi(2) + (gy - cy).powi(2) < self.radius * self.radius { 0.0 } else { 1.0 }
+    }
+
+    /// Lens and light in closed form; film and time by quadrature.
+    fn mean(&self, x: f64, y: f64, fine: usize) -> f64 {
+        let mut sum = 0.0;
+        for (t, wt) in panels(0.0, 1.0, fine) {
+            let [cx, cy] = self.at(t);
+            for (px, wx) in panels(x, x + 1.0, fine) {
+                for (py, wy) in panels(y, y + 1.0, fine) {
+                    let covered = circles_overlap(self.radius, self.lens, (px - cx).hypot(py - cy))
+                        / (PI * self.lens * self.lens);
+                    let corner = [px + self.offset[0] - cx, py + self.offset[1] - cy].map(|v| v - 0.5 * self.light);
+                    let dark = circle_rectangle_overlap(
+                        self.radius,
+                        [corner[0], corner[0] + self.light],
+                        [corner[1], corner[1] + self.light],
+                    ) / (self.light * self.light);
+                    sum += wt * wx * wy * (covered * self.emitted + (1.0 - covered) * (1.0 - dark));
+                }
+            }
+        }
+        sum
+    }
+}
+
+/// The concentric map of the square onto the unit disk, area for area (Shirley and Chiu 1997).
+fn disk_from_square(u: f64, v: f64) -> [f64; 2] {
+    let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
+    if a == 0.0 && b == 0.0 {
+        return [0.0; 2];
+    }
+    let (radius, turn) = if a.abs() > b.abs() { (a, PI / 4.0 * (b / a)) } else { (b, PI / 2.0 - PI / 4.0 * (a / b)) };
+    let (s, c) = libm::sincos(turn);
+    [radius * c, radius * s]
+}
+
+/// Mean of the zone plate over a pixel whose corner is `low` from the centre: Fresnel's integrals of first and second
+/// order, E₁(z) = ∫₀ᶻ exp(i k s²) ds and E₂ = ∫ E₁ = z E₁(z) − (exp(i k z²) − 1) / (2 i k).
+fn zone_mean(k: f64, speed: f64, low: [f64; 2]) -> f64 {
+    let first = |z: f64| {
+        let count = 2 + (k * z * z / 4.0) as usize;
+        [integrate(0.0, z, count, |s| libm::cos(k * s * s)), integrate(0.0, z, count, |s| libm::sin(k * s * s))]
+    };
+    let second = |z: f64| {
+        let [c, s] = first(z);
+        let (sin, cos) = libm::sincos(k * z * z);
+        [z * c - sin / (2.0 * k), z * s - (1.0 - cos) / (2.0 * k)]
+    };
+    let along = |part: usize| {
+        let e = |z: f64| second(z)[part];
+        (e(low[0] + 1.0) - e(low[0] + 1.0 - speed) - e(low[0]) + e(low[0] - speed)) / speed
+    };
+    let across = |part: usize| first(low[1] + 1.0)[part] - first(low[1])[part];
+    0.5 + 0.5 * (along(0) * across(0) - along(1) * across(1))
+}
+
+/// The sign of the ring of width `ring` at distance `r` from the wheel's centre.
+fn ring_sign(r: f64, ring: f64) -> f64 {
+    let place = r / ring * 0.5;
+    if place - libm::floor(place) < 0.5 { 1.0 } else { -1.0 }
+}
+
+/// Mean of the wheel over a pixel whose corner is `low` from the centre: time in closed form, rows cut at the rings.
+fn wheel_mean(low: [f64; 2], spokes: f64, turn: f64, ring: f64, fine: usize) -> f64 {
+    // Antiderivative of the square wave: a triangle.
+    let triangle = |phase: f64| {
+        let f = phase - libm::floor(phase);
+        if f < 0.5 { f } else { 1.0 - f }
+    };
+    let over_time = |phase: f64| (triangle(phase + turn) - triangle(phase)) / turn;
+    let signed = integrate(low[0], low[0] + 1.0, 8 * fine, |x| {
+        let mut cuts = Vec::new();
+        let furthest = x.abs().hypot(low[1].abs() + 1.0);
+        let mut edge = ring;
+        while edge < furthest {
+            let square = edge * edge - x * x;
+            if square > 0.0 {
+                cuts.extend([square.sqrt(), -square.sqrt()]);
+            }
+            edge += ring;
+        }
+        integrate_pieces(low[1], low[1] + 1.0, &mut cuts, fine, |y| {
+            over_time(libm::atan2(y, x) * spokes / (2.0 * PI)) * ring_sign(x.hypot(y), ring)
+        })
+    });
+    0.5 + 0.5 * signed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::design::nets;
+
+    /// Exact means against 2¹⁶ points of Sobol's sequence, 6 placements a kind, also in a pixel away from the origin.
+    /// A sequence of that length errs by less than 2·10⁻³ on functions of bounded extent in seven dimensions; leaving
+    /// any one factor out of an integral changes some placement by more than 0.02.
+    #[test]
+    fn means_agree_with_long_sequences() {
+        let net = nets::sobol(7, 16);
+        let mut points = vec![[0.0; 7]; 1 << 16];
+        for (n, p) in points.iter_mut().enumerate() {
+            for (k, c) in p.iter_mut().enumerate() {
+                let bits = (0..16).filter(|b| n >> b & 1 == 1).fold(0, |x, b| x ^ net[k][b]);
+                *c = (f64::from(bits) + 0.5 * 65_536.0) / 4_294_967_296.0;
+            }
+        }
+        for kind in AnalyticKind::ALL {
+            for placement in 0..6 {
+                let f = Analytic::placement(kind, placement, 1);
+                for [x, y] in [[0.0, 0.0], [2.0, -1.0]] {
+                    let sum: f64 =
+                        points.iter().map(|p| f.value(&[p[0] + x, p[1] + y, p[2], p[3], p[4], p[5], p[6]])).sum();
+                    let (counted, exact) = (sum / points.len() as f64, f.mean(x, y, 3));
+                    assert!((counted - exact).abs() < 2e-3, "{} {placement}: {counted} is not {exact}", kind.name());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn quadrature_has_converged() {
+        for kind in [AnalyticKind::Disk, AnalyticKind::Wheel] {
+            for placement in 0..4 {
+                let f = Analytic::placement(kind, placement, 2);
+                let (coarse, fine) = (f.mean(0.0, 0.0, 4), f.mean(0.0, 0.0, 7));
+                assert!((coarse - fine).abs() < 2e-4, "{} {placement}: {coarse} {fine}", kind.name());
+            }
+        }
+    }
+
+    #[test]
+    fn every_placement_crosses_its_pixel() {
+        for kind in [AnalyticKind::Edge, AnalyticKind::SoftShadow, AnalyticKind::Disk] {
+            for placement in 0..16 {
+                let mean = Analytic::placement(kind, placement, 3).mean(0.0, 0.0, 2);
+                assert!(mean > 0.0 && mean < 1.0, "{} {placement}: {mean}", kind.name());
+            }
+        }
+    }
+}
