@@ -140,8 +140,7 @@ fn separate(ctx: &Context<'_>, node: &mut Node, object: &str) -> bool {
     }
     ctx.warn(object, "drives a node that has a matrix; it is taken apart");
     let rotation = rotation.normalize().as_quat();
-    node.local =
-        LocalTransform::Parts { translation: translation.as_vec3(), rotation, scale: scale.as_vec3() };
+    node.local = LocalTransform::Parts { translation: translation.as_vec3(), rotation, scale: scale.as_vec3() };
     true
 }
 
@@ -194,8 +193,7 @@ fn property(
         Path::Rotation => 4,
         Path::Weights | Path::Visibility => 1,
     };
-    let integers =
-        if matches!(path, Path::Rotation | Path::Weights) { Integers::Unit } else { Integers::AsStored };
+    let integers = if matches!(path, Path::Rotation | Path::Weights) { Integers::Unit } else { Integers::AsStored };
     let values = values(ctx, buffers, sampler, (&times, width, interpolation), (components, integers), object)?;
     let vec3s = || values.chunks_exact(3).map(Vec3::from_slice).collect();
     let property = match path {
@@ -234,7 +232,10 @@ fn values(
         return Err(ctx.error(about, problem));
     }
     if elements.count > wanted {
-        ctx.warn(&about, format!("are {} where {} keys need {wanted}; the rest is ignored", elements.count, times.len()));
+        ctx.warn(
+            &about,
+            format!("are {} where {} keys need {wanted}; the rest is ignored", elements.count, times.len()),
+        );
     }
     let mut values = elements.floats(ctx, integers, &about)?;
     values.truncate(wanted * components);

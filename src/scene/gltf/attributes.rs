@@ -15,8 +15,7 @@ fn fitting(source: &mut Source<'_, '_>, name: &str, widths: &[usize], mesh: &Mes
     let Some(elements) = source.attribute(name)? else { return Ok(None) };
     let about = source.about(name);
     if elements.count != mesh.positions.len() {
-        let problem =
-            format!("has {} elements for {} vertices and is ignored", elements.count, mesh.positions.len());
+        let problem = format!("has {} elements for {} vertices and is ignored", elements.count, mesh.positions.len());
         source.ctx.warn(about, problem);
         return Ok(None);
     }

@@ -79,10 +79,7 @@ impl Buffers {
         let end = offset.checked_add(length).filter(|&end| end <= buffer.len() as u64).ok_or_else(|| {
             ctx.error(
                 object,
-                format!(
-                    "covers {length} bytes from byte {offset}, but buffer {index} ends at byte {}",
-                    buffer.len()
-                ),
+                format!("covers {length} bytes from byte {offset}, but buffer {index} ends at byte {}", buffer.len()),
             )
         })?;
         // Both are at most the length of a slice in memory.

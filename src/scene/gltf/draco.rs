@@ -50,8 +50,10 @@ fn decode(
     allowed: u64,
 ) -> Result<Decoded, String> {
     // A face takes about 60 bytes of connectivity while it is decoded, a point at least its position.
-    let limits =
-        DecodeLimits::default().with_max_points(allowed / 12).with_max_faces(allowed / 60).with_max_decoded_bytes(allowed);
+    let limits = DecodeLimits::default()
+        .with_max_points(allowed / 12)
+        .with_max_faces(allowed / 60)
+        .with_max_decoded_bytes(allowed);
     let mut buffer = DecoderBuffer::new(bytes).with_limits(limits);
     let mut mesh = draco_core::Mesh::new();
     MeshDecoder::new().decode(&mut buffer, &mut mesh).map_err(|e| e.to_string())?;

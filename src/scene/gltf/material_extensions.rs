@@ -217,11 +217,7 @@ fn specular_glossiness(r: &Reader<'_, '_>, material: &mut Material) -> Result<()
             material.roughness = 1.0;
         }
     }
-    material.specular = Some(Specular {
-        factor: 1.0,
-        texture: None,
-        color: r.color("specularFactor", [1.0; 3])?,
-        color_texture,
-    });
+    material.specular =
+        Some(Specular { factor: 1.0, texture: None, color: r.color("specularFactor", [1.0; 3])?, color_texture });
     Ok(())
 }

@@ -169,7 +169,11 @@ fn triangles(source: &mut Source<'_, '_>, mode: u64, vertices: usize) -> Result<
         (Some(indices), _) => Some(indices),
         (None, Some(index)) => {
             let about = source.about("indices");
-            Some(accessors::read(ctx, source.buffers, index, &about)?.expect(ctx, &[1], &about)?.unsigned(ctx, &about)?)
+            Some(
+                accessors::read(ctx, source.buffers, index, &about)?
+                    .expect(ctx, &[1], &about)?
+                    .unsigned(ctx, &about)?,
+            )
         }
         (None, None) => None,
     };
@@ -195,7 +199,10 @@ fn triangles(source: &mut Source<'_, '_>, mode: u64, vertices: usize) -> Result<
     };
     let rest = if mode == 4 { count % 3 } else { 0 };
     if rest != 0 || (mode != 4 && count < 3) {
-        ctx.warn(&source.object, format!("has {count} indices, which do not make whole triangles; the rest is dropped"));
+        ctx.warn(
+            &source.object,
+            format!("has {count} indices, which do not make whole triangles; the rest is dropped"),
+        );
     }
     Ok(match mode {
         4 => (0..count / 3).map(|t| [at(3 * t), at(3 * t + 1), at(3 * t + 2)]).collect(),

@@ -97,8 +97,7 @@ fn roots(ctx: &Context<'_>, parents: &[Option<usize>]) -> Result<Vec<usize>> {
 /// Chooses and numbers the nodes.
 pub(super) fn tree(ctx: &Context<'_>) -> Result<Tree> {
     let above = parents(ctx)?;
-    let mut tree =
-        Tree { files: Vec::new(), ours: vec![None; ctx.doc.nodes.len()], parents: Vec::new(), shown: 0 };
+    let mut tree = Tree { files: Vec::new(), ours: vec![None; ctx.doc.nodes.len()], parents: Vec::new(), shown: 0 };
     let mut stack: Vec<(usize, Option<NodeId>)> = roots(ctx, &above)?.into_iter().rev().map(|r| (r, None)).collect();
     while let Some((file, parent)) = stack.pop() {
         if tree.ours[file].is_none() {
@@ -362,8 +361,7 @@ fn copies(ctx: &Context<'_>, buffers: &Buffers, def: &NodeDef, object: &str) -> 
         list.as_ref().map_or(default, |l| Vec3::from_slice(&l[3 * i..]))
     };
     let copies = (0..count).map(|i| {
-        let turn =
-            rotations.as_ref().map_or(Quat::IDENTITY, |r| rotation(ctx, Vec4::from_slice(&r[4 * i..]), object));
+        let turn = rotations.as_ref().map_or(Quat::IDENTITY, |r| rotation(ctx, Vec4::from_slice(&r[4 * i..]), object));
         DAffine3::from_scale_rotation_translation(
             vec3(&scales, i, Vec3::ONE).as_dvec3(),
             DQuat::from_xyzw(turn.x.into(), turn.y.into(), turn.z.into(), turn.w.into()).normalize(),

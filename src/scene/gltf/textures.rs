@@ -266,10 +266,7 @@ fn fetch(ctx: &Context<'_>, buffers: &Buffers, index: usize) -> Result<Option<So
                 Source::Bytes(bytes)
             }
             Err(Error::Io { path, source, .. }) => {
-                ctx.warn(
-                    &name,
-                    format!("{} cannot be read ({source}); its textures count as absent", path.display()),
-                );
+                ctx.warn(&name, format!("{} cannot be read ({source}); its textures count as absent", path.display()));
                 return Ok(None);
             }
             Err(e) => return Err(e),

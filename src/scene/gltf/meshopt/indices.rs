@@ -81,8 +81,7 @@ pub(super) fn triangles(source: &[u8], count: usize, stride: usize) -> Result<Ve
     let (codes, rest) = body.split_at(count / 3);
     let (data, table) = rest.split_at(rest.len() - 16);
     let mut data = Bytes { data, at: 0 };
-    let mut recent =
-        Recent { edges: [[u32::MAX; 2]; 16], edge: 0, vertices: [u32::MAX; 16], vertex: 0 };
+    let mut recent = Recent { edges: [[u32::MAX; 2]; 16], edge: 0, vertices: [u32::MAX; 16], vertex: 0 };
     let (mut next, mut last) = (0_u32, 0_u32);
     let vertex_codes = if version >= 1 { 13 } else { 15 };
     let mut out = Vec::with_capacity(count * stride);

@@ -113,8 +113,12 @@ mod tests {
 
     #[test]
     fn index_streams_decode_as_meshoptimizer_encodes_them() {
-        let grid: Vec<u32> =
-            (0..40 * 40).flat_map(|i| { let v = i + i / 40; [v, v + 1, v + 41, v + 41, v + 1, v + 42] }).collect();
+        let grid: Vec<u32> = (0..40 * 40)
+            .flat_map(|i| {
+                let v = i + i / 40;
+                [v, v + 1, v + 41, v + 41, v + 1, v + 42]
+            })
+            .collect();
         let noise: Vec<u32> = (0..999).map(|i| (crate::numeric::mix64(i) % 5000) as u32).collect();
         for list in [&grid, &noise] {
             let encoded = ::meshopt::encode_index_buffer(list, 5000).unwrap();
@@ -135,10 +139,8 @@ mod tests {
                 glam::Vec4::new(c(0), c(1), c(2), c(3)).normalize().to_array()
             })
             .collect();
-        let normals: Vec<[f32; 4]> = unit
-            .iter()
-            .map(|q| glam::Vec3::new(q[0], q[1], q[2]).normalize().extend(0.0).to_array())
-            .collect();
+        let normals: Vec<[f32; 4]> =
+            unit.iter().map(|q| glam::Vec3::new(q[0], q[1], q[2]).normalize().extend(0.0).to_array()).collect();
         let colors: Vec<[f32; 4]> = unit.iter().map(|q| q.map(f32::abs)).collect();
 
         let mut eight = ::meshopt::encode_filter_oct::<i8>(&normals, 8);
