@@ -2,7 +2,7 @@
 
 use crate::{Error, Result};
 use std::fs::{self, File, OpenOptions};
-use std::io::Write;
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -58,7 +58,7 @@ pub fn make_folder_of(path: &Path) -> Result<()> {
     }
 }
 
-/// Appends one line to the file `path`, making it if need be. The line goes out in one write, so that lines of several
+/// Appends one line to the file `path`, making it if need be. A line that a crash cut short is ended first. The line goes out in one write, so that lines of several
 /// processes do not mix on local file systems.
 ///
 /// # Errors
@@ -66,10 +66,19 @@ pub fn make_folder_of(path: &Path) -> Result<()> {
 pub fn append_line(path: &Path, line: &str) -> Result<()> {
     let mut file: File = OpenOptions::new()
         .append(true)
+        .read(true)
         .create(true)
         .open(path)
         .map_err(|source| Error::io(path, "open for appending", source))?;
-    let mut text = String::with_capacity(line.len() + 1);
+    let mut text = String::with_capacity(line.len() + 2);
+    let mut last = [b'\n'];
+    // An empty file has no last byte to seek to, and needs no line ended.
+    if file.seek(SeekFrom::End(-1)).is_ok() {
+        file.read_exact(&mut last).map_err(|source| Error::io(path, "read", source))?;
+    }
+    if last != [b'\n'] {
+        text.push('\n');
+    }
     text.push_str(line);
     text.push('\n');
     file.write_all(text.as_bytes()).map_err(|source| Error::io(path, "append to", source))

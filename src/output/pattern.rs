@@ -77,6 +77,25 @@ impl Pattern {
         (self.path(frame) == path).then_some(frame)
     }
 
+    /// The name without number, separators about it, extension and folder: `pool` of `out/pool.####.exr`.
+    #[must_use]
+    pub fn stem(&self) -> String {
+        let name = self.before.rsplit('/').next().unwrap_or_default();
+        let name = if self.digits.is_some() {
+            name.trim_end_matches(['.', '_', '-', ' '])
+        } else {
+            name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+        };
+        if name.is_empty() { "sequence".to_owned() } else { name.to_owned() }
+    }
+
+    /// The pattern without its folder.
+    #[must_use]
+    pub fn without_folder(&self) -> Self {
+        let before = self.before.rsplit('/').next().unwrap_or_default().to_owned();
+        Self { before, ..self.clone() }
+    }
+
     /// The extension in lower case.
     #[must_use]
     pub fn extension(&self) -> String {

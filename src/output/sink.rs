@@ -4,7 +4,7 @@ use super::file;
 use super::pattern::Pattern;
 use super::picture::{FieldOrder, Picture};
 use super::video::ffmpeg::Encoder;
-use super::video::{Container, Pulldown, Y4mWriter, YuvOptions, weave};
+use super::video::{Container, Pulldown, Y4mWriter, YuvOptions, separate, weave};
 use super::{ExrDepth, PngOptions, exr, png, read};
 use crate::time::Parity;
 use crate::{Error, Result};
@@ -249,6 +249,13 @@ impl FrameFiles {
 
     fn accept(&mut self, picture: Picture) -> Result<Vec<PathBuf>> {
         let frame = picture.metadata.frame;
+        if self.fields == FieldFiles::Separate && matches!(picture.metadata.order, FieldOrder::Interlaced { .. }) {
+            let mut files = Vec::new();
+            for field in separate(&picture)? {
+                files.extend(self.accept(field)?);
+            }
+            return Ok(files);
+        }
         let FieldOrder::Separate { parity, .. } = picture.metadata.order else {
             let path = self.pattern.path(frame);
             return self.write(&picture, path);
