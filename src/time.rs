@@ -227,6 +227,16 @@ pub fn snap(seconds: f64) -> f64 {
     (seconds * GRID).round() / GRID
 }
 
+/// The multiple of 2⁻³⁶ s (15 ps) nearest to `seconds`: for instants within an exposure.
+///
+/// Sums with instants up to 36 hours of animation are exact. An object that crosses 4000 pixels in a thousandth of a
+/// second is put wrong by 3·10⁻⁵ pixels.
+#[must_use]
+pub fn snap_within(seconds: f64) -> f64 {
+    const GRID: f64 = 68_719_476_736.0;
+    (seconds * GRID).round() / GRID
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

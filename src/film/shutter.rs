@@ -275,6 +275,7 @@ mod tests {
     /// within each of 64 cells a number of times that differs from n × the cell's integral by at most the two that
     /// its borders cut. Exact, no α. The planted twin, `u` itself, must be rejected.
     #[test]
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a cell of 64")]
     fn times_follow_the_density() {
         const N: u16 = 4096;
         for text in

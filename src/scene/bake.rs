@@ -1,30 +1,42 @@
 //! From curves to linear segments: a [`Rig`] and an exposure become a [`Stage`].
 //!
 //! A motion is cut at every key time of everything that moves the object (so that each piece is smooth, and jumps stay
-//! jumps), and each piece into n equal linear segments. Linear interpolation of a curve x over a step h is off by at
-//! most h²/8 · max |x″|; n is the least number for which that is below the asked part of a pixel, with |x″| bounded
-//! by [`Rig::path_jet`] and the pixel taken at the nearest that the object comes to the camera. Reflections and
-//! shadows may magnify what the camera sees directly; the bound does not speak of them.
+//! jumps), and each piece into linear segments. Linear interpolation of a curve x over a step h is off by at most
+//! h²/8 · max |x″|; the steps are the fewest equal ones for which that is below the asked part of a pixel, with |x″|
+//! bounded by [`Rig::local_jet`] along the chain of parents, and the pixel taken at the nearest that the object comes
+//! to the camera.
+//!
+//! What errs together shares the bound: camera and object half each where the camera moves, and of the object's part
+//! shape and place half each where both change (true M·v against baked M̃·ṽ: |Mv − M̃ṽ| ≤ |(M − M̃)v| + ‖M̃‖ |v − ṽ|).
+//! Reflections and shadows may magnify what the camera sees directly; the bound does not speak of them. Nor does it of
+//! what is nearer than [`MotionError::nearest`], or than a twentieth of the radius of the object's bounding ball.
 
-use super::curve::Jet;
-use super::deform::Deformer;
-use super::rig::{Rig, frobenius};
+use super::deform::{Deformer, Reach, deforms};
+use super::limbs::{Eye, Limbs};
+use super::rig::{PlaceJet, Rig};
+use super::schedule::{Clock, KeyInstant, key_instants};
 use super::stage::{Geometry, Instance, StageCamera, StageLight, VertexKey};
-use super::{MeshId, Motion, NodeId, Stage};
-use crate::time::{Exposure, snap};
+use super::{LightShape, MeshId, Motion, NodeId, Stage};
+use crate::time::Exposure;
 use glam::{Affine3A, DAffine3, DVec3, Mat3A, Vec3, Vec3A};
+use rayon::prelude::*;
 use std::collections::HashMap;
+use std::sync::OnceLock;
 
-/// How finely motion is followed.
+/// How finely motion is followed, and how the camera measures it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionError {
     /// Largest distance from the true curve, in pixels.
     pub pixels: f64,
-    /// Width of a pixel at unit distance from a perspective camera (metres per metre), or at any distance from an
-    /// orthographic one (metres).
+    /// The least that a pixel measures at unit distance from a perspective camera (metres per metre), or at any
+    /// distance from an orthographic one (metres).
     pub pixel_size: f64,
     /// Whether `pixel_size` grows with distance.
     pub perspective: bool,
+    /// Distance from the camera, metres, below which nothing is held to the bound.
+    pub nearest: f64,
+    /// Distance from the camera, metres, up to which an orthographic camera's turning is held to the bound.
+    pub farthest: f64,
 }
 
 /// The most segments a rigid motion may have in one exposure (8 MiB of matrices).
@@ -42,12 +54,24 @@ pub struct Baker<'r, 'a> {
     rig: &'r Rig<'a>,
     interval: Exposure,
     error: MotionError,
-    /// Camera positions at evenly spaced instants, and by how much it may stray between them.
-    eye: (Vec<DVec3>, f64),
+    eye: Eye<'r, 'a>,
+    /// Whether each node is exactly still in this exposure, and if so where it stands.
+    stands: Vec<Option<DAffine3>>,
+    reaches: Vec<OnceLock<Reach>>,
 }
 
-/// Instants at which distances are probed.
-const PROBES: usize = 9;
+/// A path in double precision, before it is stored.
+struct Path {
+    times: Vec<f32>,
+    keys: Vec<DAffine3>,
+}
+
+impl Path {
+    /// The motion of something that stands at `place` in the space that moves.
+    fn motion(&self, place: &DAffine3) -> Motion {
+        Motion::through(self.times.clone(), self.keys.iter().map(|k| affine(*k * *place)).collect())
+    }
+}
 
 impl<'r, 'a> Baker<'r, 'a> {
     /// A baker for `interval`, seen from `camera_node` (`None`: from a camera that stands at `camera`).
@@ -59,210 +83,205 @@ impl<'r, 'a> Baker<'r, 'a> {
         camera_node: Option<NodeId>,
         camera: DVec3,
     ) -> Self {
-        let mut baker = Self { rig, interval, error, eye: (vec![camera; PROBES], 0.0) };
-        if let Some(node) = camera_node {
-            baker.eye = baker.positions(node);
-        }
-        baker
-    }
-
-    /// The object's own time at `u` of the exposure: the motion-blur amount scales time about mid-exposure.
-    fn own_time(&self, amount: f64, u: f64) -> f64 {
-        let middle = self.interval.middle();
-        let time = middle + snap(amount * (self.interval.at(u) - middle));
-        if amount <= 0.0 { middle } else { time }
-    }
-
-    fn own_span(&self, node: NodeId) -> (f64, f64) {
-        let amount = self.rig.blur(node);
-        (self.own_time(amount, 0.0), self.own_time(amount, 1.0))
-    }
-
-    /// World positions of a node's origin at the probe instants, and how far it may be from them between.
-    #[allow(clippy::cast_precision_loss, reason = "small counts")]
-    fn positions(&self, node: NodeId) -> (Vec<DVec3>, f64) {
-        let (a, b) = self.own_span(node);
-        let at = |t: f64| {
-            let (p, _) = self.rig.local_piece((t, t));
-            self.rig.world(node, (p, p), p).translation
+        let stands = standing(rig, interval);
+        let eye = match camera_node {
+            Some(node) => match stands[node] {
+                Some(place) => Eye { limbs: None, place: place.translation },
+                None => Eye { limbs: Some(limbs_of(rig, interval, node)), place: camera },
+            },
+            None => Eye { limbs: None, place: camera },
         };
-        let probes = (0..PROBES).map(|i| at(a + (b - a) * i as f64 / (PROBES - 1) as f64)).collect();
-        let speed = self
-            .rig
-            .pieces(&[node], None, a, b)
-            .iter()
-            .map(|&(from, to, _)| self.rig.path_jet(node, self.rig.local_piece((from, to)), Jet::constant(0.0)).first)
-            .fold(0.0, f64::max);
-        (probes, speed * (b - a) / (2.0 * (PROBES - 1) as f64))
+        let reaches = rig.scene().meshes.iter().map(|_| OnceLock::new()).collect();
+        Self { rig, interval, error, eye, stands, reaches }
     }
 
-    /// The distance in metres that `error.pixels` are at the nearest that a ball of `radius` about `node` comes to
-    /// the camera.
-    fn tolerance(&self, node: NodeId, radius: f64) -> f64 {
+    /// Part of a pixel that an object may stray: half where the camera strays as well.
+    fn share(&self) -> f64 {
+        self.error.pixels * if self.eye.limbs.is_some() { 0.5 } else { 1.0 }
+    }
+
+    /// The distance in metres that the object's part of a pixel is at the nearest that any of `balls` (slot of
+    /// `limbs`, centre, radius) comes to the camera.
+    fn tolerance(&self, limbs: &Limbs<'r, 'a>, balls: &[(usize, DVec3, f64)]) -> f64 {
+        let pixel = self.share() * self.error.pixel_size;
         if !self.error.perspective {
-            return self.error.pixels * self.error.pixel_size;
+            return pixel;
         }
-        let (centres, stray) = self.positions(node);
-        let (a, _) = self.own_span(node);
-        let (a, _) = self.rig.local_piece((a, a));
-        let radius = radius * frobenius(self.rig.world(node, (a, a), a).matrix3);
-        let near = centres.iter().zip(&self.eye.0).map(|(c, e)| c.distance(*e)).fold(f64::INFINITY, f64::min);
-        let near = (near - radius - stray - self.eye.1).max(radius * NEAREST_PART_OF_RADIUS).max(1e-6);
-        self.error.pixels * self.error.pixel_size * near
+        let radius = balls.iter().map(|b| b.2).fold(0.0, f64::max);
+        let stretch = balls.first().map_or(1.0, |b| limbs.jets(0.0, 0.0)[b.0].linear.value);
+        let floor = (radius * stretch * NEAREST_PART_OF_RADIUS).max(self.error.nearest);
+        pixel * limbs.nearest(&self.eye, balls, floor)
     }
 
-    /// The motion of `node` as segments, right to the tolerance for points up to `radius` from its origin (node
-    /// space).
+    /// The path of `slot` whose bending, as `bend` measures it, stays within `tolerance`.
+    fn follow(limbs: &Limbs<'r, 'a>, slot: usize, tolerance: f64, bend: impl Fn(&PlaceJet) -> f64) -> Path {
+        let needed = |from: f64, to: f64| steps(to - from, bend(&limbs.jets(from, to)[slot]), tolerance);
+        let schedule = key_instants(&limbs.breaks(), MOST_SEGMENTS, needed);
+        let keys = schedule.iter().map(|k| limbs.worlds(k)[slot]).collect();
+        Path { times: times(&schedule), keys }
+    }
+
+    /// The motion of `node` as segments, right to the asked error for points within `reach` of the node.
     #[must_use]
-    pub fn motion(&self, node: NodeId, radius: f64) -> Motion {
-        let (a, b) = self.own_span(node);
-        if self.rig.is_still(node, a, b) {
-            return Motion::still(affine(self.pose(node)));
+    pub fn motion(&self, node: NodeId, reach: Reach) -> Motion {
+        self.place(node, reach, 1.0)
+            .map_or_else(|path| path.motion(&DAffine3::IDENTITY), |stands| Motion::still(affine(stands)))
+    }
+
+    /// Where `node` stands, or the path on which it moves to `part` of the asked error.
+    fn place(&self, node: NodeId, reach: Reach, part: f64) -> Result<DAffine3, Path> {
+        if let Some(place) = self.stands[node] {
+            return Ok(place);
         }
-        let tolerance = self.tolerance(node, radius);
-        let point = Jet::constant(radius);
-        let bend = |piece| self.rig.path_jet(node, piece, point).second;
-        let schedule = self.schedule(&[node], None, (a, b), tolerance, MOST_SEGMENTS, bend);
-        let keys = schedule.iter().map(|k| affine(self.rig.world(node, k.piece, k.time))).collect();
-        Motion::through(schedule.iter().map(|k| k.u).collect(), keys)
+        let (limbs, slot) = limbs_of(self.rig, self.interval, node);
+        let tolerance = part * self.tolerance(&limbs, &[(slot, reach.centre, reach.radius)]);
+        let arm = reach.from_origin.max(0.0);
+        Err(Self::follow(&limbs, slot, tolerance, |jet| jet.linear.second * arm + jet.offset.second))
     }
 
-    /// World from node at mid-exposure.
-    fn pose(&self, node: NodeId) -> DAffine3 {
-        // Any instant of the exposure would do where the node is still; its opening lies inside the half-open span
-        // for which that holds.
-        let (t, _) = self.own_span(node);
-        let (t, _) = self.rig.local_piece((t, t));
-        self.rig.world(node, (t, t), t)
-    }
-
-    /// Key instants for what `nodes` (and the weights of `weights_of`) move, over own times `a` to `b`.
-    #[allow(
-        clippy::cast_precision_loss,
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "bounded counts"
-    )]
-    fn schedule(
-        &self,
-        nodes: &[NodeId],
-        weights_of: Option<NodeId>,
-        (a, b): (f64, f64),
-        tolerance: f64,
-        most: usize,
-        acceleration: impl Fn((f64, f64)) -> f64,
-    ) -> Vec<KeyInstant> {
-        let pieces = self.rig.pieces(nodes, weights_of, a, b);
-        let u = |t: f64| (((t - a) / (b - a)) as f32).clamp(0.0, 1.0);
-        let mut keys: Vec<KeyInstant> = Vec::new();
-        let last_piece = pieces.len() - 1;
-        for (index, &(from, to, jump)) in pieces.iter().enumerate() {
-            let piece = self.rig.local_piece((from, to));
-            let steps = ((to - from) * (acceleration(piece) / (8.0 * tolerance)).sqrt()).ceil();
-            let room = most.saturating_sub(keys.len() + last_piece - index).max(1);
-            let steps = if steps.is_finite() { (steps as usize).clamp(1, room) } else { 1 };
-            if !jump {
-                keys.pop();
-            }
-            for i in 0..=steps {
-                let f = i as f64 / steps as f64;
-                let end = |x: f64, y: f64| if i == steps { y } else { x + (y - x) * f };
-                keys.push(KeyInstant { u: u(end(from, to)), piece, time: end(piece.0, piece.1) });
-            }
+    /// The motion of the camera itself.
+    ///
+    /// A perspective camera that is off by δ and turned by ε shows a point at distance d by δ/d + ε wrong, d at least
+    /// [`MotionError::nearest`]; a parallel one by δ and ε times the point's distance from it.
+    #[must_use]
+    pub fn camera_motion(&self, node: NodeId) -> Motion {
+        if let Some(place) = self.stands[node] {
+            return Motion::still(affine(place));
         }
-        let end = keys.len() - 1;
-        (keys[0].u, keys[end].u) = (0.0, 1.0);
-        keys
-    }
-
-    /// The shape of a mesh at a node over the exposure.
-    fn geometry(&self, mesh: MeshId, node: NodeId) -> Geometry {
-        let Some(deformer) = Deformer::new(self.rig, mesh, node) else {
-            return Geometry { mesh, keys: Vec::new(), times: Vec::new() };
+        let (limbs, slot) = limbs_of(self.rig, self.interval, node);
+        let start = limbs.worlds(&KeyInstant { u: 0.0, at: 0.0, piece: (0.0, 0.0) })[slot].matrix3;
+        // The axes become unit vectors; what shortens them magnifies their error.
+        let shortest =
+            [start.x_axis, start.y_axis, start.z_axis].iter().map(|a| a.length()).fold(f64::INFINITY, f64::min);
+        let axes = 1.0 / shortest.max(f64::MIN_POSITIVE);
+        let (offset, turn) = if self.error.perspective {
+            (1.0 / self.error.nearest.max(f64::MIN_POSITIVE), axes)
+        } else {
+            (1.0, axes * self.error.farthest)
         };
-        let (a, b) = self.own_span(node);
-        if deformer.is_still(a, b) {
-            let (t, _) = self.rig.local_piece((a, a));
-            return Geometry { mesh, keys: vec![deformer.vertices((t, t), t)], times: Vec::new() };
-        }
-        let anchor = deformer.joints().first().copied().filter(|_| deformer.lands_in_world()).unwrap_or(node);
-        let tolerance = self.tolerance(anchor, self.reach(mesh));
-        let bytes = self.rig.scene().meshes[mesh].positions.len() * size_of::<(Vec3, Vec3, glam::Vec4)>();
-        let most = (MOST_VERTEX_BYTES / bytes.max(1)).clamp(2, MOST_VERTEX_KEYS);
-        let schedule =
-            self.schedule(deformer.joints(), Some(node), (a, b), tolerance, most, |p| deformer.acceleration(p));
-        let keys: Vec<VertexKey> = schedule.iter().map(|k| deformer.vertices(k.piece, k.time)).collect();
-        Geometry { mesh, keys, times: schedule.iter().map(|k| k.u).collect() }
+        let tolerance = self.share() * self.error.pixel_size;
+        let bend = |jet: &PlaceJet| jet.offset.second * offset + jet.linear.second * turn;
+        Self::follow(&limbs, slot, tolerance, bend).motion(&DAffine3::IDENTITY)
     }
 
-    /// Largest distance of a mesh's vertices from its origin, morph targets included.
-    fn reach(&self, mesh: MeshId) -> f64 {
-        let mesh = &self.rig.scene().meshes[mesh];
-        let furthest = |list: &[Vec3]| list.iter().map(|p| f64::from(p.length())).fold(0.0, f64::max);
-        furthest(&mesh.positions) + mesh.targets.iter().map(|t| furthest(&t.positions)).sum::<f64>()
+    /// A light's motion: its place as the camera would see it, its direction as far as it is from the camera.
+    fn light_motion(&self, node: NodeId, shape: &LightShape) -> Motion {
+        if let Some(place) = self.stands[node] {
+            return Motion::still(affine(place));
+        }
+        let (limbs, slot) = limbs_of(self.rig, self.interval, node);
+        let mut tolerance = self.tolerance(&limbs, &[(slot, DVec3::ZERO, 0.0)]);
+        let pixel = self.share() * self.error.pixel_size;
+        let (offset, arm) = match shape {
+            // Its shadows turn about their casters: as far off as they are long, seen from about as far.
+            LightShape::Directional { .. } => {
+                tolerance = pixel;
+                (0.0, if self.error.perspective { 1.0 } else { self.error.farthest })
+            }
+            LightShape::Point { .. } => (1.0, 0.0),
+            LightShape::Spot { .. } => {
+                (1.0, if self.error.perspective { tolerance / pixel } else { self.error.farthest })
+            }
+        };
+        let bend = |jet: &PlaceJet| jet.offset.second * offset + jet.linear.second * arm;
+        Self::follow(&limbs, slot, tolerance, bend).motion(&DAffine3::IDENTITY)
+    }
+
+    /// The shape of a deforming mesh over the exposure, held to the asked error.
+    fn shape(&self, mesh: MeshId, node: NodeId, deformer: &Deformer<'r, 'a>) -> Geometry {
+        let limbs = deformer.limbs();
+        if limbs.is_still() {
+            let start = KeyInstant { u: 0.0, at: 0.0, piece: (0.0, 0.0) };
+            return Geometry { mesh, keys: vec![deformer.vertices(&start)], times: Vec::new() };
+        }
+        let reaches = deformer.reaches();
+        let mut balls = deformer.balls(&reaches);
+        let tolerance = if deformer.lands_in_world() {
+            self.tolerance(limbs, &balls)
+        } else {
+            let (holder, slot) = limbs_of(self.rig, self.interval, node);
+            balls.iter_mut().for_each(|b| b.0 = slot);
+            let part = if self.stands[node].is_some() { 1.0 } else { 0.5 };
+            part * self.tolerance(&holder, &balls) / holder.stretch(slot).max(f64::MIN_POSITIVE)
+        };
+        let bytes = self.rig.scene().meshes[mesh].positions.len() * size_of::<(Vec3, Vec3, glam::Vec4)>();
+        let most = (MOST_VERTEX_BYTES / bytes.max(1)).clamp(4, MOST_VERTEX_KEYS);
+        let needed = |from: f64, to: f64| steps(to - from, deformer.acceleration(&reaches, (from, to)), tolerance);
+        let schedule = key_instants(&limbs.breaks(), most, needed);
+        let keys: Vec<VertexKey> = schedule.par_iter().map(|k| deformer.vertices(k)).collect();
+        Geometry { mesh, keys, times: times(&schedule) }
+    }
+
+    /// How far a mesh's vertices lie from its origin at rest.
+    fn reach(&self, mesh: MeshId) -> Reach {
+        *self.reaches[mesh]
+            .get_or_init(|| Reach::of(self.rig.scene().meshes[mesh].positions.iter().map(|p| p.as_dvec3())))
     }
 
     /// Everything visible, placed.
     fn instances(&self) -> (Vec<Geometry>, Vec<Instance>) {
         let scene = self.rig.scene();
-        let mut geometries: Vec<Geometry> = Vec::new();
+        // Which geometry each visible mesh shows: one for all that keep the rest pose, else one each.
         let mut shared: HashMap<MeshId, usize> = HashMap::new();
-        let mut instances = Vec::new();
+        let (mut sources, mut jobs) = (Vec::new(), Vec::new());
         for (node, holder) in scene.nodes.iter().enumerate() {
             if holder.meshes.is_empty() || !self.rig.is_visible(node, self.interval.middle()) {
                 continue;
             }
-            for &mesh in &holder.meshes {
-                if scene.meshes[mesh].triangles.is_empty() {
-                    continue;
+            for &mesh in holder.meshes.iter().filter(|&&m| !scene.meshes[m].triangles.is_empty()) {
+                let bent = deforms(self.rig, mesh, node);
+                let known = if bent { None } else { shared.get(&mesh).copied() };
+                let geometry = known.unwrap_or_else(|| {
+                    sources.push((mesh, node, bent));
+                    sources.len() - 1
+                });
+                if !bent {
+                    shared.insert(mesh, geometry);
                 }
-                let deformer = Deformer::new(self.rig, mesh, node);
-                let geometry = match deformer {
-                    None => *shared.entry(mesh).or_insert_with(|| {
-                        geometries.push(self.geometry(mesh, node));
-                        geometries.len() - 1
-                    }),
-                    Some(_) => {
-                        geometries.push(self.geometry(mesh, node));
-                        geometries.len() - 1
-                    }
-                };
-                let in_world = deformer.is_some_and(|d| d.lands_in_world());
-                let permanent = deformer.is_none_or(|d| d.is_permanent())
-                    && (in_world || !self.rig.is_carried(node))
-                    && !self.rig.blinks(node);
-                let place = |motion| Instance { geometry, motion, node, permanent };
-                if in_world {
-                    instances.push(place(Motion::still(Affine3A::IDENTITY)));
-                } else {
-                    let reach = self.reach(mesh);
-                    match &holder.copies {
-                        None => instances.push(place(self.motion(node, reach))),
-                        Some(copies) => instances.extend(self.copies(node, copies, reach).into_iter().map(place)),
-                    }
-                }
+                jobs.push((node, mesh, geometry, bent));
             }
         }
-        (geometries, instances)
+        let geometries = sources
+            .par_iter()
+            .map(|&(mesh, node, bent)| {
+                let deformer = if bent { Deformer::new(self.rig, mesh, node, self.interval) } else { None };
+                deformer.map_or(Geometry { mesh, keys: Vec::new(), times: Vec::new() }, |d| self.shape(mesh, node, &d))
+            })
+            .collect();
+        let placed: Vec<Vec<Instance>> = jobs.par_iter().map(|&job| self.placed(job)).collect();
+        (geometries, placed.into_iter().flatten().collect())
     }
 
-    /// Motions of a node's instanced copies: the node's own segments times each copy's place.
-    fn copies(&self, node: NodeId, copies: &[DAffine3], reach: f64) -> Vec<Motion> {
-        let furthest =
-            copies.iter().map(|c| c.translation.length() + frobenius(c.matrix3) * reach).fold(reach, f64::max);
-        let (a, b) = self.own_span(node);
-        if self.rig.is_still(node, a, b) {
-            let pose = self.pose(node);
-            return copies.iter().map(|c| Motion::still(affine(pose * *c))).collect();
+    /// The instances of one mesh at one node: one, or as many as the node has copies.
+    fn placed(&self, (node, mesh, geometry, bent): (NodeId, MeshId, usize, bool)) -> Vec<Instance> {
+        let scene = self.rig.scene();
+        let holder = &scene.nodes[node];
+        let steady = !self.rig.blinks(node);
+        let skin = if bent && scene.meshes[mesh].skin.is_some() { holder.skin } else { None };
+        if let Some(skin) = skin {
+            let permanent = steady
+                && self.rig.weights(node).is_none()
+                && scene.skins[skin].joints.iter().all(|&j| !self.rig.is_carried(j));
+            return vec![Instance { geometry, motion: Motion::still(Affine3A::IDENTITY), node, permanent }];
         }
-        let path = self.motion(node, furthest);
-        copies
-            .iter()
-            .map(|c| {
-                let place = affine(*c);
-                Motion::through(path.times().to_vec(), path.keys().iter().map(|k| *k * place).collect())
-            })
-            .collect()
+        let permanent = steady && !self.rig.is_carried(node) && !(bent && self.rig.weights(node).is_some());
+        let place = |motion| Instance { geometry, motion, node, permanent };
+        let single = [DAffine3::IDENTITY];
+        let copies = holder.copies.as_deref().unwrap_or(&single);
+        if let Some(pose) = self.stands[node] {
+            return copies.iter().map(|c| place(Motion::still(affine(pose * *c)))).collect();
+        }
+        let mut body = self.reach(mesh);
+        let mut part = 1.0;
+        if bent && let Some(deformer) = Deformer::new(self.rig, mesh, node, self.interval) {
+            let grown = deformer.balls(&deformer.reaches()).iter().map(|b| b.2).fold(body.radius, f64::max);
+            body = Reach { from_origin: body.from_origin.max(0.0) + grown - body.radius, radius: grown, ..body };
+            part = if deformer.limbs().is_still() { 1.0 } else { 0.5 };
+        }
+        match self.place(node, reach_of_copies(body, copies), part) {
+            Ok(pose) => copies.iter().map(|c| place(Motion::still(affine(pose * *c)))).collect(),
+            Err(path) => copies.iter().map(|c| place(path.motion(c))).collect(),
+        }
     }
 
     /// The whole stage, given its camera.
@@ -270,31 +289,79 @@ impl<'r, 'a> Baker<'r, 'a> {
     pub fn stage(&self, camera: StageCamera) -> Stage {
         let scene = self.rig.scene();
         let (geometries, instances) = self.instances();
-        let mut lights = Vec::new();
-        for (node, holder) in scene.nodes.iter().enumerate() {
-            if let Some(light) = holder.light
-                && self.rig.is_visible(node, self.interval.middle())
-            {
-                // A light's direction matters as far as it shines: over a good part of the way to the camera.
-                let reach =
-                    self.positions(node).0.iter().zip(&self.eye.0).map(|(p, e)| p.distance(*e)).fold(0.0, f64::max);
-                lights.push(StageLight {
-                    light: scene.lights[light].clone(),
-                    motion: self.motion(node, 0.5 * reach),
-                    node,
-                });
-            }
-        }
+        let lit = |&(node, holder): &(NodeId, &super::Node)| {
+            holder.light.is_some() && self.rig.is_visible(node, self.interval.middle())
+        };
+        let lights = scene
+            .nodes
+            .iter()
+            .enumerate()
+            .filter(lit)
+            .filter_map(|(node, holder)| Some((node, &scene.lights[holder.light?])))
+            .map(|(node, light)| StageLight {
+                light: light.clone(),
+                motion: self.light_motion(node, &light.shape),
+                node,
+            })
+            .collect();
         Stage { interval: self.interval, camera, geometries, instances, lights }
     }
 }
 
-/// An instant at which a motion gets a key.
-#[derive(Debug, Clone, Copy)]
-struct KeyInstant {
-    u: f32,
-    piece: (f64, f64),
-    time: f64,
+/// How many equal segments a stretch of length `h` calls for where the second derivative is at most `bend`.
+fn steps(h: f64, bend: f64, tolerance: f64) -> f64 {
+    if bend > 0.0 { h * (bend / (8.0 * tolerance)).sqrt() } else { 0.0 }
+}
+
+fn times(schedule: &[KeyInstant]) -> Vec<f32> {
+    schedule.iter().map(|k| k.u).collect()
+}
+
+fn limbs_of<'r, 'a>(rig: &'r Rig<'a>, interval: Exposure, node: NodeId) -> (Limbs<'r, 'a>, usize) {
+    let (limbs, slots) = Limbs::new(rig, [(node, Clock::new(interval, rig.blur(node)))]);
+    (limbs, slots[0])
+}
+
+/// Where every node stands that is exactly still in `interval`: in one pass, parents first.
+fn standing(rig: &Rig<'_>, interval: Exposure) -> Vec<Option<DAffine3>> {
+    let scene = rig.scene();
+    let mut stands: Vec<Option<DAffine3>> = vec![None; scene.nodes.len()];
+    let mut clocks: Vec<Option<Clock>> = vec![None; scene.nodes.len()];
+    for &node in &scene.order {
+        if !rig.is_carried(node) {
+            stands[node] = Some(rig.rest(node));
+            continue;
+        }
+        let clock = Clock::new(interval, rig.blur(node));
+        clocks[node] = Some(clock);
+        // The exposure is half open, and its opening lies inside it.
+        let at = clock.open - rig.shift((clock.open, clock.open));
+        let local = || rig.local(node, (at, at), at);
+        let parent = scene.nodes[node].parent.filter(|&p| rig.is_carried(p));
+        stands[node] = match parent {
+            Some(p) if clocks[p] != clocks[node] => {
+                rig.is_still(node, clock.open, clock.close).then(|| rig.world(node, (at, at), at))
+            }
+            Some(p) if stands[p].is_none() => None,
+            _ if !rig.is_still_itself(node, clock.open, clock.close) => None,
+            Some(p) => stands[p].map(|world| world * local()),
+            None => Some(scene.nodes[node].parent.map_or_else(local, |p| rig.rest(p) * local())),
+        };
+    }
+    stands
+}
+
+/// A ball and a reach that hold every copy of `body`.
+fn reach_of_copies(body: Reach, copies: &[DAffine3]) -> Reach {
+    if let [only] = copies
+        && *only == DAffine3::IDENTITY
+    {
+        return body;
+    }
+    let centres = Reach::of(copies.iter().map(|c| c.transform_point3(body.centre)));
+    let stretch = copies.iter().map(|c| super::rig::spectral_norm(c.matrix3)).fold(0.0, f64::max);
+    let radius = centres.radius + stretch * body.radius;
+    Reach { centre: centres.centre, radius, from_origin: centres.centre.length() + radius }
 }
 
 /// The same transform in single precision.

@@ -16,6 +16,10 @@ pub trait Value: Copy + PartialEq {
     fn wide(self) -> Self::Wide;
     /// Euclidean length.
     fn length(wide: Self::Wide) -> f64;
+    /// Whether both stand for the same: equal, or opposite quaternions of one rotation.
+    fn same(self, other: Self) -> bool {
+        self == other
+    }
 }
 
 impl Value for Vec3 {
@@ -46,6 +50,9 @@ impl Value for Quat {
     fn length(wide: DVec4) -> f64 {
         wide.length()
     }
+    fn same(self, other: Self) -> bool {
+        self == other || self == -other
+    }
 }
 
 /// Bounds of a curve over a piece: |value|, |first derivative|, |second derivative| (per second).
@@ -69,11 +76,22 @@ impl Jet {
     /// The product of two curves (Leibniz's rule with the triangle inequality).
     #[must_use]
     pub fn product(self, other: Self) -> Self {
+        // Nothing times an unknown rate is nothing.
+        let times = |x: f64, y: f64| if x > 0.0 && y > 0.0 { x * y } else { 0.0 };
         Self {
-            value: self.value * other.value,
-            first: self.first * other.value + self.value * other.first,
-            second: self.second * other.value + 2.0 * self.first * other.first + self.value * other.second,
+            value: times(self.value, other.value),
+            first: times(self.first, other.value) + times(self.value, other.first),
+            second: times(self.second, other.value)
+                + 2.0 * times(self.first, other.first)
+                + times(self.value, other.second),
         }
+    }
+
+    /// The same curve on a clock that runs `factor` times as fast: derivatives per unit of that clock.
+    #[must_use]
+    pub fn rescaled(self, factor: f64) -> Self {
+        let rate = |d: f64, by: f64| if d > 0.0 { d * by } else { 0.0 };
+        Self { value: self.value, first: rate(self.first, factor), second: rate(self.second, factor * factor) }
     }
 
     /// The sum of two curves.
@@ -130,17 +148,23 @@ impl<T: Value> Track<T> {
 
     /// Whether component `c` does not change from key `k` to the next.
     fn flat(&self, k: usize, c: usize) -> bool {
-        let equal = self.key(k, 1, c) == self.key(k + 1, 1, c);
+        let (p, q) = (self.key(k, 1, c), self.key(k + 1, 1, c));
         if self.interpolation == Interpolation::CubicSpline {
-            equal && T::length(self.key(k, 2, c).wide()) <= 0.0 && T::length(self.key(k + 1, 0, c).wide()) <= 0.0
+            p == q && T::length(self.key(k, 2, c).wide()) <= 0.0 && T::length(self.key(k + 1, 0, c).wide()) <= 0.0
         } else {
-            equal
+            p.same(q)
         }
     }
 
-    /// Key times strictly inside (`a`, `b`).
+    /// Key times strictly inside (`a`, `b`) at which the curve may bend or jump: of a step curve, only those at which
+    /// its value changes.
     pub fn breaks(&self, a: f64, b: f64) -> impl Iterator<Item = f64> + '_ {
-        self.times.iter().copied().filter(move |&t| t > a && t < b)
+        let from = self.times.partition_point(|&t| t <= a);
+        let to = self.times.partition_point(|&t| t < b).max(from);
+        let matters = move |k: usize| {
+            self.interpolation != Interpolation::Step || k == 0 || !(0..self.width).all(|c| self.flat(k - 1, c))
+        };
+        (from..to).filter(move |&k| matters(k)).map(|k| self.times[k])
     }
 
     /// Whether the curve may jump at time `t`.
@@ -156,48 +180,50 @@ impl<T: Value> Track<T> {
     pub fn value(&self, component: usize, (a, b): (f64, f64), t: f64) -> T::Wide {
         match self.segment(a, b) {
             Segment::Hold(k) => self.key(k, 1, component).wide(),
-            Segment::Between(k) => {
-                let span = self.times[k + 1] - self.times[k];
-                let f = ((t - self.times[k]) / span).clamp(0.0, 1.0);
-                let (p, q) = (self.key(k, 1, component).wide(), self.key(k + 1, 1, component).wide());
-                if self.interpolation == Interpolation::Linear {
-                    return p * (1.0 - f) + q * f;
-                }
-                let (m, n) = (self.key(k, 2, component).wide(), self.key(k + 1, 0, component).wide());
-                let (f2, f3) = (f * f, f * f * f);
-                p * (2.0 * f3 - 3.0 * f2 + 1.0)
-                    + m * (span * (f3 - 2.0 * f2 + f))
-                    + q * (3.0 * f2 - 2.0 * f3)
-                    + n * (span * (f3 - f2))
-            }
+            Segment::Between(k) => self.expand(k, component, t)[0],
         }
     }
 
-    /// Bounds of `component` over the piece (`a`, `b`), as a polynomial.
+    /// Value, first and second derivative (per second) at time `t` of the smooth segment that key `k` begins.
+    fn expand(&self, k: usize, component: usize, t: f64) -> [T::Wide; 3] {
+        let span = self.times[k + 1] - self.times[k];
+        let f = ((t - self.times[k]) / span).clamp(0.0, 1.0);
+        let (p, q) = (self.key(k, 1, component).wide(), self.key(k + 1, 1, component).wide());
+        if self.interpolation != Interpolation::CubicSpline {
+            return [p * (1.0 - f) + q * f, (q - p) * (1.0 / span), p * 0.0];
+        }
+        let (m, n) = (self.key(k, 2, component).wide() * span, self.key(k + 1, 0, component).wide() * span);
+        let (f2, f3) = (f * f, f * f * f);
+        let at = |wp: f64, wm: f64, wq: f64, wn: f64| p * wp + m * wm + q * wq + n * wn;
+        let (slower, slow) = (1.0 / (span * span), 1.0 / span);
+        [
+            at(2.0 * f3 - 3.0 * f2 + 1.0, f3 - 2.0 * f2 + f, 3.0 * f2 - 2.0 * f3, f3 - f2),
+            at(6.0 * (f2 - f), 3.0 * f2 - 4.0 * f + 1.0, 6.0 * (f - f2), 3.0 * f2 - 2.0 * f) * slow,
+            at(12.0 * f - 6.0, 6.0 * f - 4.0, 6.0 - 12.0 * f, 6.0 * f - 2.0) * slower,
+        ]
+    }
+
+    /// Bounds of `component` over the piece (`a`, `b`), as a polynomial, in the norm `norm`.
     ///
-    /// A Hermite cubic in Bézier form lies in the hull of its control points, its derivative in the hull of three
-    /// differences of those, its second derivative in the hull of two: each bound is the largest of them.
+    /// The part of a cubic over the piece, in Bézier form, lies in the hull of its control points, its derivative in
+    /// the hull of three, its second derivative between two: each bound is the largest of them. All follow from value
+    /// and derivatives at the piece's ends.
     #[must_use]
-    pub fn jet(&self, component: usize, a: f64, b: f64) -> Jet {
+    pub fn jet(&self, component: usize, (a, b): (f64, f64), norm: impl Fn(T::Wide) -> f64) -> Jet {
         let k = match self.segment(a, b) {
-            Segment::Hold(k) => return Jet::constant(T::length(self.key(k, 1, component).wide())),
+            Segment::Hold(k) => return Jet::constant(norm(self.key(k, 1, component).wide())),
             Segment::Between(k) => k,
         };
-        let span = self.times[k + 1] - self.times[k];
-        let (p, q) = (self.key(k, 1, component).wide(), self.key(k + 1, 1, component).wide());
-        let reach = T::length(p).max(T::length(q));
-        if self.interpolation == Interpolation::Linear {
-            return Jet { value: reach, first: T::length((q - p) * (1.0 / span)), second: 0.0 };
+        let [from, to] = [self.expand(k, component, a), self.expand(k, component, b)];
+        if self.interpolation != Interpolation::CubicSpline {
+            return Jet { value: norm(from[0]).max(norm(to[0])), first: norm(from[1]), second: 0.0 };
         }
-        let third = span / 3.0;
-        let p1 = p + self.key(k, 2, component).wide() * third;
-        let p2 = q - self.key(k + 1, 0, component).wide() * third;
-        let (d0, d1, d2) = (p1 - p, p2 - p1, q - p2);
-        let largest = |values: &[T::Wide]| values.iter().map(|&v| T::length(v)).fold(0.0, f64::max);
+        let third = (b - a) / 3.0;
+        let largest = |values: &[T::Wide]| values.iter().map(|&v| norm(v)).fold(0.0, f64::max);
         Jet {
-            value: largest(&[p, p1, p2, q]),
-            first: 3.0 / span * largest(&[d0, d1, d2]),
-            second: 6.0 / (span * span) * largest(&[d1 - d0, d2 - d1]),
+            value: largest(&[from[0], from[0] + from[1] * third, to[0] - to[1] * third, to[0]]),
+            first: largest(&[from[1], from[1] + from[2] * (0.5 * (b - a)), to[1]]),
+            second: largest(&[from[2], to[2]]),
         }
     }
 }
@@ -216,42 +242,44 @@ impl Track<Quat> {
     }
 
     /// Bounds of the rotation matrix over the piece (`a`, `b`): its norm is 1, its derivatives follow from the
-    /// angular velocity.
+    /// angular velocity ω, R′ = [ω]R and R″ = ([ω′] + [ω]²)R, so |R′| ≤ |ω| and |R″| ≤ |ω′| + |ω|².
     ///
-    /// A slerp turns at a constant ω: |R′| = ω, |R″| = ω². For a normalised cubic n = q/|q| with |q| ≥ m, |q′| ≤ d,
-    /// |q″| ≤ e: |n′| ≤ d/m and |n″| ≤ 2e/m + 6d²/m² (product rule on q·(q·q)^(−1/2)); a unit quaternion's rotation has
-    /// ω = 2|n′|, so |R′| ≤ 2|n′| and |R″| ≤ 4|n′|² + 2|n″|.
+    /// A slerp turns at a constant ω. A normalised cubic n = q/ρ, ρ = |q|, has ω = 2n′n* and ω′ = 2 Im(n″n*), hence
+    /// |ω| = 2|n′| and |ω′| = 2|n″⊥|, the part of n″ across n. From q = ρn: n′ = q′⊥/ρ and n″⊥ = (q″⊥ − 2ρ′n′)/ρ; with
+    /// |ρ′||q′⊥| ≤ |q′|²/2, ρ ≥ m, |q′| ≤ d and |q″| ≤ e: |ω| ≤ 2d/m and |ω′| ≤ 2e/m + 2d²/m². Where the spline comes
+    /// so near zero that no m is known the second bound is infinite, which asks the caller to cut the piece.
     #[must_use]
     #[allow(clippy::cast_precision_loss, reason = "small counts")]
-    pub fn rotation_jet(&self, a: f64, b: f64) -> Jet {
+    pub fn rotation_jet(&self, (a, b): (f64, f64)) -> Jet {
         let Segment::Between(k) = self.segment(a, b) else {
             return Jet::constant(1.0);
         };
-        let span = self.times[k + 1] - self.times[k];
         if self.interpolation == Interpolation::Linear {
+            let span = self.times[k + 1] - self.times[k];
             let (p, q) = (unit(self.key(k, 1, 0).wide()), unit(self.key(k + 1, 1, 0).wide()));
             let omega = 2.0 * half_angle(p, q) / span;
             return Jet { value: 1.0, first: omega, second: omega * omega };
         }
-        const PROBES: usize = 32;
-        let raw = self.jet(0, a, b);
+        const PROBES: usize = 8;
+        let raw = self.jet(0, (a, b), |q| q.length());
         let nearest = (0..=PROBES)
-            .map(|i| self.value(0, (a, b), a + (b - a) * i as f64 / PROBES as f64).length())
+            .map(|i| self.expand(k, 0, a + (b - a) * i as f64 / PROBES as f64)[0].length())
             .fold(f64::INFINITY, f64::min);
-        // Between probes the length changes by at most |q′| times half their distance. A spline that all but
-        // vanishes has no meaningful rotation: it is treated as if it kept a hundredth of its length.
-        let least = (nearest - raw.first * (b - a) / (2.0 * PROBES as f64)).max(0.01 * raw.value);
-        if least <= 0.0 {
+        // Between probes the length changes by at most |q′| times half their distance.
+        let least = nearest - raw.first * (b - a) / (2.0 * PROBES as f64);
+        if raw.first <= 0.0 {
             return Jet::constant(1.0);
         }
-        let n1 = raw.first / least;
-        let n2 = 2.0 * raw.second / least + 6.0 * n1 * n1;
-        Jet { value: 1.0, first: 2.0 * n1, second: 4.0 * n1 * n1 + 2.0 * n2 }
+        if least <= 0.0 {
+            return Jet { value: 1.0, first: f64::INFINITY, second: f64::INFINITY };
+        }
+        let (d, e) = (raw.first / least, raw.second / least);
+        Jet { value: 1.0, first: 2.0 * d, second: 6.0 * d * d + 2.0 * e }
     }
 }
 
 /// The unit quaternion along `q`; the identity where `q` is zero or not finite.
-fn unit(q: DVec4) -> DQuat {
+pub(super) fn unit(q: DVec4) -> DQuat {
     let length = q.length();
     if length > 0.0 && length.is_finite() { DQuat::from_vec4(q / length) } else { DQuat::IDENTITY }
 }
@@ -326,7 +354,7 @@ mod tests {
         #[test]
         fn jets_bound_the_curve(values in prop::collection::vec(-10.0_f32..10.0, 6), span in 0.01_f64..20.0) {
             let t = track(Interpolation::CubicSpline, &[0.0, span], &values);
-            let jet = t.jet(0, 0.0, span);
+            let jet = t.jet(0, (0.0, span), f64::abs);
             let at = |x: f64| t.value(0, (0.0, span), x);
             let h = span / 400.0;
             for i in 1..400 {
@@ -349,7 +377,7 @@ mod tests {
                 Track { times: vec![0.0, 1.0], values: vec![quat(0), quat(4)], width: 1,
                         interpolation: Interpolation::Linear }
             };
-            let jet = track.rotation_jet(0.0, 1.0);
+            let jet = track.rotation_jet((0.0, 1.0));
             let n = 500;
             for i in 0..n {
                 let at = |k: i32| track.rotation((0.0, 1.0), f64::from(k) / f64::from(n));

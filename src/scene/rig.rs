@@ -1,10 +1,10 @@
 //! The node tree in motion: which curves drive which node, and where a node is at a given time.
 
 use super::animation::{Property, Track};
-use super::curve::Jet;
+use super::curve::{Jet, unit};
 use super::{LocalTransform, NodeId, Scene};
 use crate::{Error, Result};
-use glam::{DAffine3, DMat3, Quat, Vec3};
+use glam::{DAffine3, DMat3, DVec4, Quat, Vec3};
 
 /// Which animations play, and how they go on.
 #[derive(Debug, Clone, Default)]
@@ -25,8 +25,59 @@ struct Drives<'a> {
     visibility: Option<&'a Track<f32>>,
 }
 
+impl Drives<'_> {
+    /// Whether anything places the node.
+    fn moves(&self) -> bool {
+        self.translation.is_some() || self.rotation.is_some() || self.scale.is_some()
+    }
+}
+
+/// What a curve may drive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Driven {
+    /// Translation, rotation and scale.
+    Place,
+    /// Morph weights.
+    Weights,
+}
+
 /// A smooth stretch of an object's own time: no curve that moves it has a key inside.
 pub type Piece = (f64, f64);
+
+/// Bounds of the path of an affine transform: the norm of its matrix, the length of its translation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlaceJet {
+    /// The matrix, in the spectral norm.
+    pub linear: Jet,
+    /// The translation.
+    pub offset: Jet,
+}
+
+impl PlaceJet {
+    /// Something that stands still.
+    #[must_use]
+    pub fn constant(place: &DAffine3) -> Self {
+        Self { linear: Jet::constant(spectral_norm(place.matrix3)), offset: Jet::constant(place.translation.length()) }
+    }
+
+    /// Bounds of the product of this path with `inner`, which acts first.
+    #[must_use]
+    pub fn after(self, inner: Self) -> Self {
+        Self { linear: self.linear.product(inner.linear), offset: self.linear.product(inner.offset).sum(self.offset) }
+    }
+
+    /// Bounds of the path of a point whose own path is bounded by `point`.
+    #[must_use]
+    pub fn point(self, point: Jet) -> Jet {
+        self.linear.product(point).sum(self.offset)
+    }
+
+    /// The same on a clock that runs `factor` times as fast.
+    #[must_use]
+    pub fn rescaled(self, factor: f64) -> Self {
+        Self { linear: self.linear.rescaled(factor), offset: self.offset.rescaled(factor) }
+    }
+}
 
 /// A scene with the animations that play on it.
 #[derive(Debug)]
@@ -35,6 +86,10 @@ pub struct Rig<'a> {
     drives: Vec<Drives<'a>>,
     /// Whether the node or an ancestor is driven in translation, rotation or scale.
     carried: Vec<bool>,
+    /// World from node of what no animation ever moves.
+    rest: Vec<DAffine3>,
+    /// Motion-blur amounts set on the node itself, and inherited.
+    own_blur: Vec<Option<f64>>,
     blur: Vec<f64>,
     span: Option<(f64, f64)>,
     looped: bool,
@@ -79,16 +134,20 @@ impl<'a> Rig<'a> {
                 }
             }
         }
-        let mut carried = vec![false; scene.nodes.len()];
-        let mut blur = vec![1.0; scene.nodes.len()];
+        let n = scene.nodes.len();
+        let own_blur = scene.nodes.iter().map(|node| node.blur_scale.map(f64::from)).collect();
+        let (carried, rest, blur) = (vec![false; n], vec![DAffine3::IDENTITY; n], vec![1.0; n]);
+        let mut rig = Self { scene, drives, carried, rest, own_blur, blur, span, looped: playback.looped };
         for &node in &scene.order {
             let parent = scene.nodes[node].parent;
-            let own =
-                drives[node].translation.is_some() || drives[node].rotation.is_some() || drives[node].scale.is_some();
-            carried[node] = own || parent.is_some_and(|p| carried[p]);
-            blur[node] = scene.nodes[node].blur_scale.map_or_else(|| parent.map_or(1.0, |p| blur[p]), f64::from);
+            rig.carried[node] = rig.drives[node].moves() || parent.is_some_and(|p| rig.carried[p]);
+            if !rig.carried[node] {
+                let local = rig.local(node, (0.0, 0.0), 0.0);
+                rig.rest[node] = parent.map_or(local, |p| rig.rest[p] * local);
+            }
         }
-        Ok(Self { scene, drives, carried, blur, span, looped: playback.looped })
+        rig.inherit_blur();
+        Ok(rig)
     }
 
     /// The scene it moves.
@@ -109,20 +168,28 @@ impl<'a> Rig<'a> {
         self.blur[node]
     }
 
-    /// Sets a node's motion-blur amount and that of its descendants that have none of their own.
+    /// Sets a node's motion-blur amount, and so that of its descendants that have none of their own.
     pub fn set_blur(&mut self, node: NodeId, amount: f64) {
-        let mut touched = vec![false; self.blur.len()];
-        touched[node] = true;
-        self.blur[node] = amount;
+        self.own_blur[node] = Some(amount);
+        self.inherit_blur();
+    }
+
+    fn inherit_blur(&mut self) {
         for &n in &self.scene.order {
-            if n != node
-                && self.scene.nodes[n].blur_scale.is_none()
-                && self.scene.nodes[n].parent.is_some_and(|p| touched[p])
-            {
-                touched[n] = true;
-                self.blur[n] = amount;
-            }
+            let inherited = self.scene.nodes[n].parent.map_or(1.0, |p| self.blur[p]);
+            self.blur[n] = self.own_blur[n].unwrap_or(inherited);
         }
+    }
+
+    /// The amounts by which joints move a skinned mesh held by `holder`.
+    ///
+    /// The mesh is what one sees, so its holder's amount rules; only an amount set on the joint itself, or above it
+    /// but not above the holder, goes before.
+    #[must_use]
+    pub fn joint_blurs(&self, joints: &[NodeId], holder: NodeId) -> Vec<f64> {
+        let above: std::collections::HashSet<NodeId> = self.chain(holder).collect();
+        let own = |&j: &NodeId| self.chain(j).take_while(|n| !above.contains(n)).find_map(|n| self.own_blur[n]);
+        joints.iter().map(|j| own(j).unwrap_or(self.blur[holder])).collect()
     }
 
     /// Whether any animation ever moves this node.
@@ -167,44 +234,25 @@ impl<'a> Rig<'a> {
         }
     }
 
-    /// The stretches of [`a`, `b`] between the key times of everything that moves `node` (its morph weights included
-    /// where `with_weights`), as (start, end, whether the object may jump at the start).
-    ///
-    /// In a looped playback the seam is a jump. Times are those of the unlooped clock: pass them through
-    /// [`Rig::local_piece`].
-    #[must_use]
-    pub fn pieces(&self, nodes: &[NodeId], weights_of: Option<NodeId>, a: f64, b: f64) -> Vec<(f64, f64, bool)> {
-        let mut breaks: Vec<(f64, bool)> = Vec::new();
+    /// Appends the instants strictly inside (`a`, `b`) at which the node's own place (or, of `weights_of`, its morph
+    /// weights) may bend or jump: (time on the shot's clock, whether it may jump).
+    pub fn own_breaks(&self, node: NodeId, drive: Driven, (a, b): (f64, f64), breaks: &mut Vec<(f64, bool)>) {
+        let d = &self.drives[node];
         for (shift, from, to) in self.laps(a, b) {
-            if from > a {
-                breaks.push((from, true));
-            }
-            for &node in nodes {
-                for n in self.chain(node) {
-                    let d = &self.drives[n];
-                    collect(&mut breaks, d.translation, shift, from, to);
-                    collect(&mut breaks, d.rotation, shift, from, to);
-                    collect(&mut breaks, d.scale, shift, from, to);
+            match drive {
+                Driven::Place => {
+                    collect(breaks, d.translation, shift, from, to);
+                    collect(breaks, d.rotation, shift, from, to);
+                    collect(breaks, d.scale, shift, from, to);
                 }
-            }
-            if let Some(n) = weights_of {
-                collect(&mut breaks, self.drives[n].weights, shift, from, to);
+                Driven::Weights => collect(breaks, d.weights, shift, from, to),
             }
         }
-        breaks.sort_by(|x, y| x.0.total_cmp(&y.0));
-        breaks.dedup_by(|later, earlier| {
-            let same = later.0 <= earlier.0;
-            earlier.1 |= same && later.1;
-            same
-        });
-        let mut pieces = Vec::with_capacity(breaks.len() + 1);
-        let (mut start, mut jump) = (a, false);
-        for (t, jumps) in breaks {
-            pieces.push((start, t, jump));
-            (start, jump) = (t, jumps);
-        }
-        pieces.push((start, b, jump));
-        pieces
+    }
+
+    /// Appends the seams of a looped playback strictly inside (`a`, `b`): everything may jump there.
+    pub fn seams(&self, a: f64, b: f64, breaks: &mut Vec<(f64, bool)>) {
+        breaks.extend(self.laps(a, b).iter().skip(1).map(|&(_, from, _)| (from, true)));
     }
 
     /// The stretches of [`a`, `b`] that one pass of a looped animation covers: (shift to the file's clock, from, to).
@@ -228,101 +276,144 @@ impl<'a> Rig<'a> {
         laps
     }
 
-    /// A piece of the shot's clock on the file's clock.
+    /// What to take from the shot's clock to be on the file's clock, for the instants of `piece`: a whole number of
+    /// laps of a looped playback.
     #[must_use]
-    pub fn local_piece(&self, (a, b): Piece) -> Piece {
+    pub fn shift(&self, (a, b): Piece) -> f64 {
         match self.span {
             Some((first, last)) if self.looped && last > first => {
-                let shift = ((0.5 * (a + b) - first) / (last - first)).floor() * (last - first);
-                (a - shift, b - shift)
+                ((0.5 * (a + b) - first) / (last - first)).floor() * (last - first)
             }
-            _ => (a, b),
+            _ => 0.0,
         }
     }
 
     /// Whether the node is exactly still on [`a`, `b`): no curve on its chain changes there.
     #[must_use]
     pub fn is_still(&self, node: NodeId, a: f64, b: f64) -> bool {
-        if !self.carried[node] || a >= b {
-            return true;
-        }
-        let laps = self.laps(a, b);
-        laps.len() == 1
-            && laps.iter().all(|&(shift, from, to)| {
-                let (from, to) = (from + shift, to + shift);
-                self.chain(node).all(|n| {
-                    let d = &self.drives[n];
-                    d.translation.is_none_or(|t| t.is_constant(from, to))
-                        && d.rotation.is_none_or(|t| t.is_constant(from, to))
-                        && d.scale.is_none_or(|t| t.is_constant(from, to))
-                })
-            })
+        self.chain(node).take_while(|&n| self.carried[n]).all(|n| self.is_still_itself(n, a, b))
+    }
+
+    /// Whether the node is exactly still in its parent's space on [`a`, `b`).
+    #[must_use]
+    pub fn is_still_itself(&self, node: NodeId, a: f64, b: f64) -> bool {
+        let d = &self.drives[node];
+        !d.moves()
+            || self.constant(d.translation, a, b) && self.constant(d.rotation, a, b) && self.constant(d.scale, a, b)
     }
 
     /// Whether the node's morph weights are exactly constant on [`a`, `b`).
     #[must_use]
     pub fn weights_still(&self, node: NodeId, a: f64, b: f64) -> bool {
-        let laps = self.laps(a, b);
-        self.drives[node].weights.is_none_or(|t| {
-            a >= b || (laps.len() == 1 && laps.iter().all(|&(s, from, to)| t.is_constant(from + s, to + s)))
-        })
+        self.constant(self.drives[node].weights, a, b)
+    }
+
+    fn constant<T: super::curve::Value>(&self, track: Option<&Track<T>>, a: f64, b: f64) -> bool {
+        let Some(track) = track else { return true };
+        if a >= b {
+            return true;
+        }
+        match self.laps(a, b)[..] {
+            [(shift, from, to)] => track.is_constant(from + shift, to + shift),
+            // Over a seam: only what never changes.
+            _ => track.is_constant(f64::NEG_INFINITY, f64::INFINITY),
+        }
     }
 
     /// World from node at time `t` of `piece` (file's clock).
     #[must_use]
     pub fn world(&self, node: NodeId, piece: Piece, t: f64) -> DAffine3 {
-        let mut world = self.local(node, piece, t);
-        let mut up = self.scene.nodes[node].parent;
-        while let Some(n) = up {
-            world = self.local(n, piece, t) * world;
-            up = self.scene.nodes[n].parent;
+        // From the root down, so that products that are kept and products made afresh round alike.
+        const SHALLOW: usize = 32;
+        let (mut few, mut many) = ([0; SHALLOW], Vec::new());
+        let mut depth = 0;
+        let mut root = DAffine3::IDENTITY;
+        for n in self.chain(node) {
+            if !self.carried[n] {
+                root = self.rest[n];
+                break;
+            }
+            if depth < SHALLOW {
+                few[depth] = n
+            } else {
+                many.push(n)
+            }
+            depth += 1;
         }
-        world
+        let shallow = few[..depth.min(SHALLOW)].iter().rev();
+        many.iter().rev().chain(shallow).fold(root, |world, &n| world * self.local(n, piece, t))
     }
 
-    fn local(&self, node: NodeId, piece: Piece, t: f64) -> DAffine3 {
+    /// Parent from node at time `t` of `piece` (file's clock).
+    #[must_use]
+    pub fn local(&self, node: NodeId, piece: Piece, t: f64) -> DAffine3 {
         let drive = &self.drives[node];
         match self.scene.nodes[node].local {
             LocalTransform::Matrix(m) => m,
             LocalTransform::Parts { translation, rotation, scale } => {
                 let s = drive.scale.map_or(scale.as_dvec3(), |d| d.value(0, piece, t));
-                let r = drive.rotation.map_or_else(|| rotation.as_dquat().normalize(), |d| d.rotation(piece, t));
+                let r = drive.rotation.map_or_else(|| unit(DVec4::from(rotation.as_dquat())), |d| d.rotation(piece, t));
                 let x = drive.translation.map_or(translation.as_dvec3(), |d| d.value(0, piece, t));
                 DAffine3 { matrix3: DMat3::from_quat(r) * DMat3::from_diagonal(s), translation: x }
             }
         }
     }
 
-    /// Bounds of the world path of a point of the node whose own path in node space is bounded by `point`.
+    /// Bounds of the node's path in its parent's space over `piece` (file's clock, per second).
     #[must_use]
-    pub fn path_jet(&self, node: NodeId, piece: Piece, point: Jet) -> Jet {
-        let (a, b) = piece;
-        self.chain(node).fold(point, |jet, n| {
-            let drive = &self.drives[n];
-            match self.scene.nodes[n].local {
-                LocalTransform::Matrix(m) => {
-                    let norm = frobenius(m.matrix3);
-                    let moved = Jet { value: jet.value * norm, first: jet.first * norm, second: jet.second * norm };
-                    moved.sum(Jet::constant(m.translation.length()))
-                }
-                LocalTransform::Parts { translation, rotation: _, scale } => {
-                    let s = drive
-                        .scale
-                        .map_or_else(|| Jet::constant(f64::from(scale.abs().max_element())), |d| d.jet(0, a, b));
-                    let r = drive.rotation.map_or(Jet::constant(1.0), |d| d.rotation_jet(a, b));
-                    let x = drive
-                        .translation
-                        .map_or_else(|| Jet::constant(translation.as_dvec3().length()), |d| d.jet(0, a, b));
-                    jet.product(s).product(r).sum(x)
-                }
+    pub fn local_jet(&self, node: NodeId, piece: Piece) -> PlaceJet {
+        let drive = &self.drives[node];
+        match self.scene.nodes[node].local {
+            LocalTransform::Matrix(m) => PlaceJet::constant(&m),
+            LocalTransform::Parts { translation, rotation: _, scale } => {
+                // The norm of a diagonal matrix is its largest entry.
+                let s = drive.scale.map_or_else(
+                    || Jet::constant(f64::from(scale.abs().max_element())),
+                    |d| d.jet(0, piece, |s| s.abs().max_element()),
+                );
+                let r = drive.rotation.map_or(Jet::constant(1.0), |d| d.rotation_jet(piece));
+                let x = drive.translation.map_or_else(
+                    || Jet::constant(translation.as_dvec3().length()),
+                    |d| d.jet(0, piece, |x| x.length()),
+                );
+                PlaceJet { linear: r.product(s), offset: x }
             }
-        })
+        }
+    }
+
+    /// World from a node that no animation ever moves.
+    #[must_use]
+    pub fn rest(&self, node: NodeId) -> DAffine3 {
+        self.rest[node]
     }
 }
 
-/// An upper bound of the spectral norm.
-pub(super) fn frobenius(m: DMat3) -> f64 {
-    (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()
+/// The largest stretch of a vector by `m`, rounded up by at most 0.2 %.
+///
+/// λ, the largest eigenvalue of A = mᵀm, is at most the Frobenius norm of A, so λ^(2ᵏ) at most that of A^(2ᵏ), which
+/// exceeds it by a factor of at most √3: after k squarings the stretch √λ is overestimated by 3^(1/2^(k+2)) at most.
+#[must_use]
+pub fn spectral_norm(m: DMat3) -> f64 {
+    const SQUARINGS: i32 = 7;
+    let frobenius =
+        |m: &DMat3| (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt();
+    let scale = [m.x_axis, m.y_axis, m.z_axis].iter().map(|c| c.abs().max_element()).fold(0.0, f64::max);
+    if scale <= 0.0 || !scale.is_finite() {
+        return scale;
+    }
+    let m = m * (1.0 / scale);
+    let mut a = m.transpose() * m;
+    // λ = exp(log), of which each squaring halves the share.
+    let (mut log, mut share) = (0.0, 1.0);
+    for _ in 0..SQUARINGS {
+        let norm = frobenius(&a);
+        log += share * libm::log(norm);
+        a *= 1.0 / norm;
+        a = a * a;
+        share *= 0.5;
+    }
+    log += share * libm::log(frobenius(&a));
+    scale * libm::exp(0.5 * log) * (1.0 + 1e-12)
 }
 
 fn collect<T: super::curve::Value>(
@@ -333,7 +424,10 @@ fn collect<T: super::curve::Value>(
     to: f64,
 ) {
     if let Some(track) = track {
-        breaks.extend(track.breaks(from + shift, to + shift).map(|t| (t - shift, track.jumps_at(t))));
+        // What is flat there neither bends nor jumps, however many keys say so.
+        if !track.is_constant(from + shift, to + shift) {
+            breaks.extend(track.breaks(from + shift, to + shift).map(|t| (t - shift, track.jumps_at(t))));
+        }
     }
 }
 

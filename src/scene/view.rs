@@ -3,6 +3,7 @@
 use super::bake::{Baker, MotionError, affine};
 use super::deform::Deformer;
 use super::rig::{Rig, list_names};
+use super::schedule::{Clock, KeyInstant};
 use super::{Motion, NodeId, Projection, Scene, Stage, StageCamera};
 use crate::time::Exposure;
 use crate::{Error, Result};
@@ -75,17 +76,12 @@ impl View {
         let focus = match &request.focus_on {
             Some(name) => Focus::On(node_named(scene, name)?),
             None => Focus::At(request.focus_distance.or(lens.focus_distance.map(f64::from)).unwrap_or_else(|| {
-                let ahead = place.inverse().transform_point3(ball.0);
-                if -ahead.z > 0.0 && ahead.is_finite() { -ahead.z } else { ball.1.max(1.0) }
+                let ahead = distance_ahead(place, ball.0);
+                if ahead > 0.0 && ahead.is_finite() { ahead } else { ball.1.max(1.0) }
             })),
         };
-        let (pixel_size, perspective) = match projection {
-            Projection::Perspective { yfov, .. } => {
-                (2.0 * libm::tan(f64::from(yfov) * 0.5) / f64::from(request.size.1), true)
-            }
-            Projection::Orthographic { ymag, .. } => (2.0 * f64::from(ymag).abs() / f64::from(request.size.1), false),
-        };
-        let motion_error = MotionError { pixels: request.motion_error, pixel_size, perspective };
+        let near = node.and_then(|n| scene.nodes[n].camera).map_or(0.0, |c| f64::from(scene.cameras[c].near_far.0));
+        let motion_error = measure(projection, request, near, ball.1, place.translation.distance(ball.0) + ball.1);
         Ok(Self { node, projection, place, aperture_radius: radius.unwrap_or(0.0), focus, motion_error })
     }
 
@@ -107,21 +103,18 @@ impl View {
     pub fn stage(&self, rig: &Rig<'_>, interval: Exposure) -> Stage {
         let baker = Baker::new(rig, interval, self.motion_error, self.node, self.place.translation);
         let motion = match self.node {
-            // Directions matter as far as one sees: a point one metre ahead, at that distance, is a pixel's measure.
-            Some(n) => without_scale(&baker.motion(n, 1.0)),
+            Some(n) => without_scale(&baker.camera_motion(n)),
             None => Motion::still(affine(self.place)),
         };
         let focus = |u: f64| match self.focus {
             Focus::At(distance) => distance as f32,
             Focus::On(target) => {
-                let t = interval.at(u);
                 let at = |n: NodeId| {
-                    let (p, _) = rig.local_piece((t, t));
-                    rig.world(n, (p, p), p)
+                    let (piece, t) = Clock::new(interval, rig.blur(n)).on_file(rig, (u, u), u);
+                    rig.world(n, piece, t)
                 };
                 let eye = self.node.map_or(self.place, at);
-                let ahead = -eye.inverse().transform_point3(at(target).translation).z;
-                (ahead.max(f64::from(f32::MIN_POSITIVE))) as f32
+                (distance_ahead(eye, at(target).translation).max(f64::from(f32::MIN_POSITIVE))) as f32
             }
         };
         baker.stage(StageCamera {
@@ -131,6 +124,32 @@ impl View {
             focus_distance: [focus(0.0), focus(1.0)],
         })
     }
+}
+
+/// How far `point` lies in front of a camera at `place`, metres along its axis, whatever its scale.
+fn distance_ahead(place: DAffine3, point: DVec3) -> f64 {
+    -(point - place.translation).dot(place.matrix3.z_axis.normalize_or_zero())
+}
+
+/// How the camera measures motion: by the smallest that a pixel can be.
+///
+/// At an angle θ from the axis a turn by ε moves the picture by ε / cos²θ: the corner, where that is most, counts,
+/// but no more than 75 degrees from the axis.
+fn measure(projection: Projection, request: &ViewRequest, near: f64, radius: f64, farthest: f64) -> MotionError {
+    const LEAST_COSINE_SQUARED: f64 = 1.0 / 16.0;
+    let lines = f64::from(request.size.1);
+    let narrow = request.pixel_aspect.min(1.0);
+    let (pixel_size, perspective) = match projection {
+        Projection::Perspective { yfov, .. } => {
+            let half = libm::tan(f64::from(yfov) * 0.5);
+            let corner = half * half * (1.0 + aspect(request) * aspect(request));
+            (2.0 * half / lines * (1.0 / (1.0 + corner)).max(LEAST_COSINE_SQUARED), true)
+        }
+        Projection::Orthographic { ymag, .. } => (2.0 * f64::from(ymag).abs() / lines, false),
+    };
+    // Where the file names no nearest visible distance: a thousandth of the scene.
+    let nearest = if near > 0.0 { near } else { 1e-3 * radius.max(f64::MIN_POSITIVE) };
+    MotionError { pixels: request.motion_error, pixel_size: pixel_size * narrow, perspective, nearest, farthest }
 }
 
 /// A camera's pose has no scale (glTF 2.0, §3.10.1): the axes of every key become unit vectors.
@@ -210,7 +229,9 @@ pub fn bounding_ball(rig: &Rig<'_>, time: f64) -> (DVec3, f64) {
         }
         let world = rig.world(n, (time, time), time);
         for &mesh in &node.meshes {
-            let deformed = Deformer::new(rig, mesh, n).map(|d| (d.vertices((time, time), time), d.lands_in_world()));
+            let start = KeyInstant { u: 0.0, at: 0.0, piece: (0.0, 0.0) };
+            let instant = Exposure { open: time, close: time };
+            let deformed = Deformer::new(rig, mesh, n, instant).map(|d| (d.vertices(&start), d.lands_in_world()));
             let places = match &deformed {
                 Some((_, true)) => vec![DAffine3::IDENTITY],
                 _ => node.copies.as_ref().map_or_else(|| vec![world], |c| c.iter().map(|m| world * *m).collect()),
