@@ -1,1 +1,28 @@
-fn main() {}
+//! `graeco`, the command line.
+#![allow(clippy::print_stderr, clippy::print_stdout, reason = "a program speaks to its user")]
+
+mod cli;
+
+use clap::Parser;
+use graeco::Error;
+use std::process::ExitCode;
+
+/// Worth retrying: what schedulers take for "requeue me" (`EX_TEMPFAIL` of sysexits.h).
+const EXIT_RETRY: u8 = 75;
+/// What a shell reports for a program that an interrupt ended.
+const EXIT_INTERRUPTED: u8 = 130;
+
+fn main() -> ExitCode {
+    let cli = cli::Cli::parse();
+    match cli.run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("graeco: {error}");
+            match error {
+                Error::Interrupted { .. } => ExitCode::from(EXIT_INTERRUPTED),
+                e if e.worth_retrying() => ExitCode::from(EXIT_RETRY),
+                _ => ExitCode::FAILURE,
+            }
+        }
+    }
+}

@@ -18,6 +18,9 @@ impl FrameRate {
     /// 24 frames a second: cinema.
     pub const CINEMA: Self = Self { frames: 24, seconds: 1 };
 
+    /// 24000/1001: cinema slowed down for NTSC.
+    pub const NTSC_FILM: Self = Self { frames: 24_000, seconds: 1001 };
+
     /// `frames` in `seconds`.
     ///
     /// # Errors
@@ -184,6 +187,17 @@ pub enum Parity {
     Top,
     /// Lines 1, 3, 5, …
     Bottom,
+}
+
+impl Parity {
+    /// The other field's lines.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Self::Top => Self::Bottom,
+            Self::Bottom => Self::Top,
+        }
+    }
 }
 
 /// How long and when light is gathered, relative to a frame (or field) of given period.

@@ -2,6 +2,7 @@
 
 pub(crate) mod progress;
 pub(crate) mod render;
+mod run_render;
 
 use clap::{Parser, Subcommand};
 
@@ -17,4 +18,13 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Render frames of a glTF file with motion blur, depth of field and soft shadows
     Render(Box<render::RenderArgs>),
+}
+
+impl Cli {
+    /// Does what was asked.
+    pub(crate) fn run(&self) -> graeco::Result<()> {
+        match &self.command {
+            Command::Render(args) => run_render::run(args),
+        }
+    }
 }

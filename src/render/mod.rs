@@ -6,6 +6,10 @@
 pub mod frames;
 pub mod integrate;
 pub mod progress;
+pub mod settings;
+pub mod shot;
 
 pub use frames::FrameList;
 pub use progress::Progress;
+pub use settings::{Scanning, Settings};
+pub use shot::{Frame, FrameCost, Shot, Surroundings};

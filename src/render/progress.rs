@@ -1,5 +1,6 @@
 //! How far the work is, and whether it should stop.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// Shared between the threads that render and whoever watches.
@@ -8,10 +9,16 @@ pub struct Progress {
     pixels: AtomicU64,
     samples: AtomicU64,
     rays: AtomicU64,
-    cancelled: AtomicBool,
+    cancelled: Arc<AtomicBool>,
 }
 
 impl Progress {
+    /// Progress that stops when `flag` is raised.
+    #[must_use]
+    pub fn stopped_by(flag: Arc<AtomicBool>) -> Self {
+        Self { cancelled: flag, ..Self::default() }
+    }
+
     /// Counts finished pixels and the samples they took.
     pub fn advance(&self, pixels: u64, samples: u64) {
         self.pixels.fetch_add(pixels, Ordering::Relaxed);

@@ -94,3 +94,15 @@ pub struct Scene {
     /// BLAKE3 over the scene file and everything it refers to, in order of reference.
     pub hash: [u8; 32],
 }
+
+impl Scene {
+    /// Whether anything in the file gives light: a punctual light, an emissive surface that is placed, an environment.
+    #[must_use]
+    pub fn has_light(&self) -> bool {
+        let emits = |mesh: &MeshId| {
+            let material = &self.materials[self.meshes[*mesh].material];
+            material.emissive.max_element() > 0.0 && !material.unlit
+        };
+        self.environment.is_some() || self.nodes.iter().any(|n| n.light.is_some() || n.meshes.iter().any(emits))
+    }
+}

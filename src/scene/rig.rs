@@ -7,7 +7,7 @@ use crate::{Error, Result};
 use glam::{DAffine3, DMat3, DVec4, Quat, Vec3};
 
 /// Which animations play, and how they go on.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Playback {
     /// The one animation to play, by name or index; `None`: all together, the first that drives a property wins.
     pub animation: Option<String>,

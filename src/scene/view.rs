@@ -10,7 +10,7 @@ use crate::{Error, Result};
 use glam::{DAffine3, DVec3};
 
 /// What the user asks of the camera; `None` leaves it to the file.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ViewRequest {
     /// Name of a camera or of the node that holds it, or an index into the scene's cameras.
     pub camera: Option<String>,

@@ -9,6 +9,7 @@ pub mod bsdf;
 pub mod camera;
 pub mod environment;
 pub mod lights;
+pub mod path;
 mod quadrature;
 pub mod ray;
 pub mod surface;

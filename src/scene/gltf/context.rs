@@ -112,9 +112,8 @@ impl<'a> Context<'a> {
 
     /// The entry `index` of an array of the document.
     pub(super) fn get<'t, T>(&self, list: &'t [T], index: usize, kind: &str, object: &str) -> Result<&'t T> {
-        list.get(index).ok_or_else(|| {
-            self.error(object, format!("refers to {kind} {index}, but there are only {}", list.len()))
-        })
+        list.get(index)
+            .ok_or_else(|| self.error(object, format!("refers to {kind} {index}, but there are only {}", list.len())))
     }
 
     /// The extension `name` of an object, read as `T`.

@@ -316,6 +316,19 @@ impl Bsdf {
         !self.rough
     }
 
+    /// Whether every lobe is so wide that sampling the lights serves it at least as well as sampling the lobe: no
+    /// mirror, and no GGX width below a quarter (roughness ½), where a lobe spans about a steradian.
+    #[must_use]
+    pub fn is_wide(&self) -> bool {
+        const WIDE: f32 = 0.25;
+        let narrow = |lobe: usize| match lobe {
+            SPECULAR | THIN => self.specular.smooth || self.specular.ggx.alpha.min_element() < WIDE,
+            GLASS_REFLECTION | GLASS_TRANSMISSION | COAT => true,
+            _ => false,
+        };
+        (0..LOBES).all(|lobe| self.chance[lobe] <= 0.0 || !narrow(lobe))
+    }
+
     /// Whether nothing is scattered at all.
     #[must_use]
     pub fn is_black(&self) -> bool {

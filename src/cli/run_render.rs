@@ -1,0 +1,303 @@
+//! From arguments to pictures on disk.
+
+use super::progress::Reporter;
+use super::render::{Backdrop, RenderArgs};
+use glam::Vec3;
+use graeco::design::DesignOptions;
+use graeco::output::video::{ChromaNotch, Shape, Standard, YuvOptions};
+use graeco::output::{
+    Cadence, Destination, Dither, ExrDepth, FrameFormat, OutputTarget, PixelAspect, PngDepth, PngOptions, View, file,
+};
+use graeco::render::{Frame, FrameList, Progress, Scanning, Settings, Shot, Surroundings};
+use graeco::scene::gltf::{self, LoadOptions};
+use graeco::scene::rig::Playback;
+use graeco::scene::view::ViewRequest;
+use graeco::scene::{Environment, Scene, texture};
+use graeco::time::{FrameRate, Parity};
+use graeco::trace::environment::Background;
+use graeco::trace::texture::TextureFilter;
+use graeco::{Error, Result};
+use serde::Serialize;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// One line of `--stats`.
+#[derive(Debug, Serialize)]
+struct StatsLine {
+    frame: i64,
+    files: Vec<String>,
+    load_s: f64,
+    build_s: f64,
+    render_s: f64,
+    total_s: f64,
+    cpu_s: f64,
+    samples: u64,
+    rays: u64,
+    rejected_samples: u64,
+    peak_memory_mib: f64,
+}
+
+impl RenderArgs {
+    /// The settings that decide what pictures show.
+    fn settings(&self) -> Settings {
+        let shape = if self.wide { Shape::Wide } else { Shape::Normal };
+        let pixel_aspect =
+            self.pixel_aspect.or(self.video.map(|v| v.pixel_aspect(shape))).unwrap_or(PixelAspect::SQUARE);
+        let size = self.size.or(self.video.map(Standard::size)).unwrap_or((960, 540));
+        let scanning = match (self.interlace.or(self.video.map(Standard::first)), self.scan.as_str()) {
+            (Some(first), _) => Scanning::Interlaced { first, line_height: self.line_height },
+            (None, "rolling") => Scanning::Rolling { readout: self.readout },
+            (None, _) => Scanning::Progressive,
+        };
+        Settings {
+            size,
+            crop: self.crop,
+            pixel_aspect,
+            rate: self.fps.or(self.video.map(Standard::rate)).unwrap_or(if self.pulldown {
+                FrameRate::NTSC_FILM
+            } else {
+                FrameRate::CINEMA
+            }),
+            shutter: self.shutter,
+            shutter_phase: self.shutter_phase,
+            shutter_curve: self.shutter_curve.to_string(),
+            scanning,
+            view: ViewRequest {
+                camera: self.camera.clone(),
+                f_stop: self.f_stop,
+                aperture_radius: self.aperture_radius,
+                focus_distance: self.focus_distance,
+                focus_on: self.focus_on.clone(),
+                motion_error: self.motion_error,
+                size,
+                pixel_aspect: pixel_aspect.ratio(),
+            },
+            playback: Playback { animation: self.animation.clone(), looped: self.looped },
+            blur_scale: self.blur_scale.clone(),
+            sampling: DesignOptions {
+                kind: self.design,
+                dither: self.dither,
+                runs: self.runs,
+                seed: self.seed,
+                ..DesignOptions::default()
+            },
+            filter: self.filter,
+            texture_filter: TextureFilter::default(),
+            bounces: self.bounces,
+        }
+    }
+
+    fn view(&self) -> View {
+        View { transform: self.view, exposure_ev: self.exposure }
+    }
+
+    /// Where finished pictures go; nothing is written yet.
+    fn target(&self, destination: Destination, settings: &Settings, frames: usize) -> Result<OutputTarget> {
+        let cadence = if self.pulldown { Cadence::Pulldown(Parity::Top) } else { Cadence::Native };
+        let lines = settings.size.1;
+        match destination {
+            Destination::Frames(pattern) => {
+                let format = self.frame_format(&pattern.extension())?;
+                OutputTarget::frames(pattern, format, self.fields, frames)
+            }
+            Destination::Stdout => {
+                OutputTarget::pipe(Box::new(std::io::stdout()), self.yuv(YuvOptions::for_lines(lines)), cadence)
+            }
+            Destination::Y4m(path) => OutputTarget::y4m(&path, self.yuv(YuvOptions::for_lines(lines)), cadence),
+            Destination::Video(path, container) => {
+                let options = self.yuv(container.yuv_options(self.view(), lines));
+                OutputTarget::video(&path, container, options, cadence, "ffmpeg")
+            }
+        }
+    }
+
+    fn yuv(&self, fit: YuvOptions) -> YuvOptions {
+        YuvOptions {
+            view: self.view(),
+            sampling: self.chroma.unwrap_or(fit.sampling),
+            depth: self.bits.unwrap_or(fit.depth),
+            notch: if self.chroma_notch { ChromaNotch::On } else { ChromaNotch::Off },
+            ..fit
+        }
+    }
+
+    fn frame_format(&self, extension: &str) -> Result<FrameFormat> {
+        match (extension, self.depth.as_deref()) {
+            ("exr", None | Some("half")) => Ok(FrameFormat::Exr(ExrDepth::Half)),
+            ("exr", Some("float")) => Ok(FrameFormat::Exr(ExrDepth::Float)),
+            ("png", depth @ (None | Some("8" | "16"))) => Ok(FrameFormat::Png(PngOptions {
+                depth: if depth == Some("16") { PngDepth::Sixteen } else { PngDepth::Eight },
+                view: self.view(),
+                dither: Dither::default(),
+            })),
+            (_, depth) => Err(Error::invalid(
+                format!("--depth {}", depth.unwrap_or_default()),
+                format!("not a depth of .{extension} files"),
+            )),
+        }
+    }
+
+    /// What surrounds the scene: the flags' over the file's; a soft sky where there is no light at all.
+    #[allow(clippy::cast_possible_truncation, reason = "angles and factors that are f32 in the scene")]
+    fn surroundings<'s>(&self, scene: &'s Scene, environment: Option<&'s Environment>) -> Surroundings<'s> {
+        let sky = |zenith: [f32; 3], nadir: [f32; 3]| {
+            let (zenith, nadir) = (Vec3::from(zenith), Vec3::from(nadir));
+            Background::Gradient { zenith, horizon: 0.5 * (zenith + nadir), nadir }
+        };
+        let background = match (environment, &self.background, &scene.environment) {
+            (Some(picture), _, _) | (None, None, Some(picture)) => Background::Picture(picture),
+            (None, Some(Backdrop::Constant(c)), _) => Background::Constant(Vec3::from(*c)),
+            (None, Some(Backdrop::Gradient(top, bottom)), _) => sky(*top, *bottom),
+            (None, None, None) if scene.has_light() => Background::Black,
+            (None, None, None) => sky([1.0; 3], [0.35; 3]),
+        };
+        let name = format!(
+            "{:?} {:?} {} {}",
+            self.environment, self.background, self.environment_rotation, self.environment_strength
+        );
+        Surroundings { background, name }
+    }
+
+    /// The picture that `--environment` names.
+    #[allow(clippy::cast_possible_truncation, reason = "angles and factors that are f32 in the scene")]
+    fn environment(&self) -> Result<Option<Environment>> {
+        let Some(path) = &self.environment else { return Ok(None) };
+        Ok(Some(Environment {
+            image: texture::load_environment(path)?,
+            rotation: self.environment_rotation.to_radians() as f32,
+            strength: self.environment_strength as f32,
+        }))
+    }
+}
+
+/// Signals that end the work.
+#[derive(Debug, Clone, Default)]
+struct Signals {
+    interrupted: Arc<AtomicBool>,
+}
+
+impl Signals {
+    fn listen() -> Self {
+        let signals = Self::default();
+        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
+            // Without the handler an interrupt ends the program at once, which loses nothing either.
+            let _ = signal_hook::flag::register(signal, Arc::clone(&signals.interrupted));
+        }
+        signals
+    }
+}
+
+/// `graeco render`.
+pub(crate) fn run(args: &RenderArgs) -> Result<()> {
+    let destination = Destination::parse(&args.output.to_string_lossy())?;
+    let settings = args.settings();
+    if let Some(threads) = args.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(usize::from(threads))
+            .build_global()
+            .map_err(|e| Error::invalid(format!("--threads {threads}"), e.to_string()))?;
+    }
+    let started = Instant::now();
+    let scene = gltf::load(&args.scene, &LoadOptions { allow_outside: args.allow_outside, ..LoadOptions::default() })?;
+    let load_s = started.elapsed().as_secs_f64();
+    let environment = args.environment()?;
+    let surroundings = args.surroundings(&scene, environment.as_ref());
+    let mut shot = Shot::new(&scene, &settings, &surroundings)?;
+    let frames = args.frames.clone().unwrap_or_else(|| FrameList::of_animation(shot.span(), settings.rate));
+    let reporter = Reporter::new(args.quiet, frames.frames().len());
+    for warning in &scene.warnings {
+        reporter.say(&format!("warning: {warning}"));
+    }
+    let mut target = args.target(destination, &settings, frames.frames().len())?;
+    let mut work = Work { args, reporter, signals: Signals::listen(), load_s, kept: 0 };
+    let result = work.render_all(&mut shot, frames.frames(), &mut target);
+    // A stream's frames so far become a whole file whatever happened.
+    let finished = target.finish();
+    result?;
+    for path in finished? {
+        work.reporter.say(&format!("{}: finished", path.display()));
+    }
+    Ok(())
+}
+
+/// One run over a list of frames.
+struct Work<'a> {
+    args: &'a RenderArgs,
+    reporter: Reporter,
+    signals: Signals,
+    load_s: f64,
+    kept: usize,
+}
+
+impl Work<'_> {
+    fn render_all(&mut self, shot: &mut Shot<'_>, frames: &[i64], target: &mut OutputTarget) -> Result<()> {
+        for (index, &number) in frames.iter().enumerate() {
+            if self.args.resume && target.is_finished(number, shot.field_order(), &shot.record().settings_hash) {
+                self.reporter.say(&format!("frame {number}: finished before, kept"));
+                self.kept += 1;
+                continue;
+            }
+            self.render_one(shot, index, number, target)?;
+            self.kept += 1;
+            if self.signals.interrupted.load(Ordering::Relaxed) && index + 1 < frames.len() {
+                return Err(Error::Interrupted { frames_kept: self.kept });
+            }
+        }
+        Ok(())
+    }
+
+    fn render_one(&mut self, shot: &mut Shot<'_>, index: usize, number: i64, target: &mut OutputTarget) -> Result<()> {
+        let (began, cpu) = (Instant::now(), cpu_seconds());
+        let progress = Progress::stopped_by(Arc::clone(&self.signals.interrupted));
+        let pixels = shot.pixels();
+        let frame = self.reporter.watch(index, number, pixels, &progress, || shot.render(number, &progress))?;
+        let Some(frame) = frame else { return Err(Error::Interrupted { frames_kept: self.kept }) };
+        let mut written = Vec::new();
+        for picture in shot.pictures(number, &frame, self.args.fields)? {
+            written.extend(target.accept(picture)?);
+        }
+        let files: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
+        self.report(&files.join(", "), number, &frame, began);
+        let Some(stats) = &self.args.stats else { return Ok(()) };
+        let line = StatsLine {
+            frame: number,
+            files,
+            load_s: if index == 0 { self.load_s } else { 0.0 },
+            build_s: frame.cost.build_s,
+            render_s: frame.cost.render_s,
+            total_s: began.elapsed().as_secs_f64(),
+            cpu_s: cpu_seconds() - cpu,
+            samples: frame.cost.samples,
+            rays: frame.cost.rays,
+            rejected_samples: frame.cost.rejected,
+            peak_memory_mib: peak_memory_mib(),
+        };
+        let json = serde_json::to_string(&line).map_err(|e| Error::invalid("--stats", e.to_string()))?;
+        file::append_line(stats, &json)
+    }
+
+    fn report(&self, files: &str, number: i64, frame: &Frame, began: Instant) {
+        let name = if files.is_empty() { format!("frame {number}") } else { files.to_owned() };
+        let rate = super::progress::rate(frame.cost.samples, began);
+        self.reporter.say(&format!("{name}: {:.1} s, {rate} samples/s", began.elapsed().as_secs_f64()));
+        if frame.cost.rejected > 0 {
+            self.reporter.say(&format!("warning: {} samples were not finite and left out", frame.cost.rejected));
+        }
+    }
+}
+
+/// Processor seconds of this process, all threads.
+#[allow(clippy::cast_precision_loss, reason = "seconds and microseconds are small")]
+fn cpu_seconds() -> f64 {
+    use nix::sys::resource::{UsageWho, getrusage};
+    let seconds = |t: nix::sys::time::TimeVal| t.tv_sec() as f64 + t.tv_usec() as f64 * 1e-6;
+    getrusage(UsageWho::RUSAGE_SELF).map_or(0.0, |u| seconds(u.user_time()) + seconds(u.system_time()))
+}
+
+/// The most memory that this process has held, MiB.
+#[allow(clippy::cast_precision_loss, reason = "kibibytes are small")]
+fn peak_memory_mib() -> f64 {
+    use nix::sys::resource::{UsageWho, getrusage};
+    getrusage(UsageWho::RUSAGE_SELF).map_or(0.0, |u| u.max_rss() as f64 / 1024.0)
+}

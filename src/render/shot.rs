@@ -1,0 +1,221 @@
+//! A scene with its settings, rendered frame by frame.
+
+use super::Progress;
+use super::integrate::{Pass, integrate};
+use super::settings::{PassPlan, Scanning, Settings};
+use crate::design::Design;
+use crate::effects::EffectsPlan;
+use crate::film::{Film, Filter, Window};
+use crate::output::video::separate;
+use crate::output::{FieldFiles, FieldOrder, Metadata, Picture, Record};
+use crate::scene::rig::Rig;
+use crate::scene::view::{View, node_named};
+use crate::scene::{Scene, Stage};
+use crate::time::Exposure;
+use crate::trace::accel::Accel;
+use crate::trace::bsdf::Materials;
+use crate::trace::camera::CameraRays;
+use crate::trace::environment::{Background, Environment};
+use crate::trace::lights::Lights;
+use crate::trace::path::{Parts, PathTracer};
+use crate::{Error, Result};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What a frame took.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct FrameCost {
+    /// Seconds to evaluate the animation and build acceleration structures and light choice.
+    pub build_s: f64,
+    /// Seconds to sample.
+    pub render_s: f64,
+    /// Samples taken.
+    pub samples: u64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Samples that were not finite and left out.
+    pub rejected: u64,
+}
+
+/// A finished frame.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// Estimates of every pixel.
+    pub film: Film,
+    /// The span of time that it covers: the earlier field's where it is interlaced.
+    pub exposure: Exposure,
+    /// What it took.
+    pub cost: FrameCost,
+}
+
+/// Light from all around, with a name that tells it from any other.
+#[derive(Debug, Clone)]
+pub struct Surroundings<'a> {
+    /// The light.
+    pub background: Background<'a>,
+    /// Its settings; for a picture from a file, the file's hash.
+    pub name: String,
+}
+
+/// A scene that is ready to be rendered.
+#[derive(Debug)]
+pub struct Shot<'a> {
+    scene: &'a Scene,
+    settings: &'a Settings,
+    rig: Rig<'a>,
+    view: View,
+    filter: Filter,
+    materials: Materials,
+    environment: Environment,
+    record: Arc<Record>,
+    file_shutter_angle: Option<f64>,
+    accel: Option<Accel>,
+}
+
+impl<'a> Shot<'a> {
+    /// Checks the settings against the scene and chooses the camera.
+    ///
+    /// # Errors
+    /// If a camera, node or animation that the settings name does not exist, or a setting is out of range.
+    pub fn new(scene: &'a Scene, settings: &'a Settings, surroundings: &'a Surroundings<'a>) -> Result<Self> {
+        let mut rig = Rig::new(scene, &settings.playback)?;
+        for (node, amount) in &settings.blur_scale {
+            rig.set_blur(node_named(scene, node)?, *amount);
+        }
+        let view = View::new(&rig, &settings.view)?;
+        settings.window()?;
+        settings.passes(0, None)?;
+        let file_shutter_angle = view
+            .node()
+            .and_then(|n| scene.nodes[n].camera)
+            .and_then(|c| scene.cameras[c].lens.shutter_angle)
+            .map(f64::from);
+        let json = serde_json::to_value(settings)
+            .map_err(|e| Error::invalid("settings", format!("cannot be written as JSON: {e}")))?;
+        let mut record = serde_json::Map::new();
+        record.insert("render".into(), json);
+        record.insert("surroundings".into(), serde_json::Value::String(surroundings.name.clone()));
+        let record = Arc::new(Record::new(record.into(), &scene.hash, settings.sampling.seed));
+        let filter = Filter::new(settings.filter);
+        let materials = Materials::new(scene, settings.texture_filter);
+        let environment = Environment::new(surroundings.background);
+        Ok(Self { scene, settings, rig, view, filter, materials, environment, record, file_shutter_angle, accel: None })
+    }
+
+    /// First and last key time of what plays, seconds.
+    #[must_use]
+    pub fn span(&self) -> Option<(f64, f64)> {
+        self.rig.span()
+    }
+
+    /// What made the pictures, for their files.
+    #[must_use]
+    pub fn record(&self) -> &Arc<Record> {
+        &self.record
+    }
+
+    /// Pixels that one frame has.
+    #[must_use]
+    pub fn pixels(&self) -> u64 {
+        self.window().area() as u64
+    }
+
+    fn window(&self) -> Window {
+        let (width, height) = self.settings.size;
+        // The crop was checked when the shot was made.
+        self.settings.window().ok().flatten().unwrap_or(Window::whole(width, height))
+    }
+
+    /// The stage and the effects plan of one exposure.
+    fn prepare(&self, pass: &PassPlan) -> (Stage, EffectsPlan) {
+        let stage = self.view.stage(&self.rig, pass.interval);
+        let plan = EffectsPlan::new(
+            self.scene,
+            &stage,
+            !self.environment.is_black(),
+            pass.is_rolling(),
+            self.settings.bounces,
+        );
+        (stage, plan)
+    }
+
+    /// What frame `frame` calls for, one plan for each exposure, with the design that it would get.
+    ///
+    /// # Errors
+    /// As [`Shot::render`].
+    pub fn plan(&self, frame: i64) -> Result<Vec<(EffectsPlan, Design)>> {
+        let passes = self.settings.passes(frame, self.file_shutter_angle)?;
+        Ok(passes
+            .iter()
+            .map(|pass| {
+                let (_, plan) = self.prepare(pass);
+                let design = Design::new(&self.settings.sampling, &plan.factors());
+                (plan, design)
+            })
+            .collect())
+    }
+
+    /// Renders frame `frame`; `None` if `progress` was cancelled.
+    ///
+    /// # Errors
+    /// If the scanning's values are out of range.
+    pub fn render(&mut self, frame: i64, progress: &Progress) -> Result<Option<Frame>> {
+        let passes = self.settings.passes(frame, self.file_shutter_angle)?;
+        let (width, height) = self.settings.size;
+        let mut film = Film::new(width, height, self.settings.window()?)?;
+        let mut cost = FrameCost::default();
+        let (samples, rays) = (progress.samples(), progress.rays());
+        for pass in &passes {
+            let started = Instant::now();
+            let (stage, plan) = self.prepare(pass);
+            let accel = Accel::build(self.scene, &stage, self.accel.take().as_ref());
+            let design = Design::new(&self.settings.sampling, &plan.factors());
+            let camera = CameraRays::new(&stage.camera, self.settings.size, self.settings.pixel_aspect.ratio());
+            let lights = Lights::build(self.scene, &stage, &self.materials, &self.environment);
+            let parts =
+                Parts { scene: self.scene, stage: &stage, accel: &accel, materials: &self.materials, lights: &lights };
+            let tracer = PathTracer::new(parts, camera, self.settings.bounces);
+            cost.build_s += started.elapsed().as_secs_f64();
+            let started = Instant::now();
+            let job =
+                Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, frame, field: pass.field };
+            let complete = integrate(&tracer, &design, &job, &mut film, progress);
+            cost.render_s += started.elapsed().as_secs_f64();
+            self.accel = Some(accel);
+            if !complete {
+                return Ok(None);
+            }
+        }
+        cost.samples = progress.samples() - samples;
+        cost.rays = progress.rays() - rays;
+        cost.rejected = film.rejected();
+        Ok(Some(Frame { film, exposure: passes[0].interval, cost }))
+    }
+
+    /// What is stored as the pictures' field order.
+    #[must_use]
+    pub fn field_order(&self) -> FieldOrder {
+        self.settings.field_order()
+    }
+
+    /// A finished frame as pictures, with everything that their files should say: one, or the two fields of an
+    /// interlaced frame if they are to be separate.
+    ///
+    /// # Errors
+    /// If a crop should be separated into fields.
+    pub fn pictures(&self, number: i64, frame: &Frame, fields: FieldFiles) -> Result<Vec<Picture>> {
+        let metadata = Metadata {
+            frame: number,
+            rate: self.settings.rate,
+            exposure: frame.exposure,
+            pixel_aspect: self.settings.pixel_aspect,
+            order: self.settings.field_order(),
+            record: Arc::clone(&self.record),
+        };
+        let picture = Picture::from_film(&frame.film, metadata);
+        match (self.settings.scanning, fields) {
+            (Scanning::Interlaced { .. }, FieldFiles::Separate) => Ok(separate(&picture)?.to_vec()),
+            _ => Ok(vec![picture]),
+        }
+    }
+}

@@ -1,0 +1,349 @@
+//! The scene as an image function: path tracing with next-event estimation and multiple importance sampling.
+//!
+//! A path is a chain of vertices. At a vertex with a rough lobe, light is sampled directly and the lobe is sampled for
+//! the next ray; what both can find is weighted by the power heuristic (Veach and Guibas 1995). Vertices that only
+//! mirror or refract cost no factors and count as no bounce: the surface seen in a mirror draws the very numbers that
+//! it would draw if it were seen directly.
+
+use super::accel::Accel;
+use super::bsdf::{BsdfSample, Materials, Medium, Scatter, Shading, ShadingQuery};
+use super::camera::CameraRays;
+use super::lights::{LightQuery, LightSample, Lights};
+use super::surface::SurfacePoint;
+use super::tally::count_ray;
+use super::texture::Footprint;
+use super::{Backs, FilmPoint, Hit, ImageFunction, Ray};
+use crate::design::Point;
+use crate::factor::Factor;
+use crate::numeric;
+use crate::scene::{Scene, Stage};
+use glam::{Vec2, Vec3};
+
+/// Mirror-like vertices that one path may pass: enough for any real arrangement, and an end for two facing mirrors.
+const MOST_SPECULAR: u16 = 64;
+/// Indices of [`Factor::extra`] that the path tracer draws.
+const EXTRA_ALPHA: u16 = 0;
+const EXTRA_TEXTURE: u16 = 1;
+const EXTRA_SPECULAR: u16 = 2;
+/// Tells shadow rays' draws from those of the path.
+const SHADOW_SALT: u32 = 1 << 31;
+
+/// What a path is made of, prepared for one exposure.
+#[derive(Debug, Clone, Copy)]
+pub struct Parts<'a> {
+    /// The file's content.
+    pub scene: &'a Scene,
+    /// What of it this exposure sees.
+    pub stage: &'a Stage,
+    /// What rays meet.
+    pub accel: &'a Accel,
+    /// How surfaces scatter.
+    pub materials: &'a Materials,
+    /// What shines.
+    pub lights: &'a Lights<'a>,
+}
+
+/// A scene during one exposure, as a function of film point, time, lens and lights.
+#[derive(Debug)]
+pub struct PathTracer<'a> {
+    parts: Parts<'a>,
+    camera: CameraRays,
+    bounces: u16,
+}
+
+/// A path as it grows from the camera.
+struct Path {
+    ray: Ray,
+    throughput: Vec3,
+    radiance: Vec3,
+    cone_width: f32,
+    cone_spread: f32,
+    /// Where the ray was scattered by a rough lobe, with the density of its direction by solid angle: what it meets
+    /// was sampled for there too. `None` from the camera, a mirror, a refraction.
+    scattered: Option<(LightQuery, f32)>,
+    medium: Option<Medium>,
+    /// Index of the group of factors that the next vertex draws.
+    vertex: u16,
+    bounces: u16,
+    specular: u16,
+    /// Whether the ray only looks for light that was sampled for already, and ends there.
+    last: bool,
+}
+
+impl<'a> PathTracer<'a> {
+    /// The image function of a prepared scene, with `bounces` diffuse and rough bounces after the first hit.
+    #[must_use]
+    pub fn new(parts: Parts<'a>, camera: CameraRays, bounces: u16) -> Self {
+        Self { parts, camera, bounces }
+    }
+
+    /// Whether a surface with alpha is there for this path: with probability alpha, by a number that belongs to
+    /// (sample, ray, triangle) alone, so that the order of traversal never shows.
+    fn is_there(&self, hit: &Hit, ray: &Ray, point: &Point<'_>, salt: u32) -> bool {
+        let Parts { scene, stage, accel, materials, .. } = self.parts;
+        let surface = accel.surface(scene, stage, ray, hit);
+        let footprint = Footprint { width: 0.0, u: 0.5 };
+        let alpha = materials.alpha(scene, surface.material, &surface.uvs, surface.color.w, footprint);
+        if alpha >= 1.0 || alpha <= 0.0 {
+            return alpha >= 1.0;
+        }
+        let sample = point.get(Factor::extra(EXTRA_ALPHA)).to_bits();
+        let place = u64::from(hit.instance) << 32 | u64::from(hit.triangle);
+        let bits = numeric::mix64(numeric::mix64(u64::from(sample) << 32 | u64::from(salt)) ^ place);
+        unit_from_upper_bits(bits) < alpha
+    }
+
+    /// Light that arrives directly at a vertex and is scattered towards the viewer. `competes`: the scattered ray may
+    /// find the same light.
+    fn direct(
+        &self,
+        path: &Path,
+        surface: &SurfacePoint,
+        shading: &Shading,
+        point: &Point<'_>,
+        competes: bool,
+    ) -> Vec3 {
+        let lights = self.parts.lights;
+        let query = LightQuery::new(surface, &shading.bsdf, path.ray.u_time);
+        let mut sum = Vec3::ZERO;
+        for i in 0..lights.visited() {
+            if let Some(light) = lights.visit(i, &query) {
+                sum += self.lit(path, surface, shading, point, &light, false);
+            }
+        }
+        if lights.needs_sampling() {
+            let u = Vec2::new(point.get(Factor::light_u(path.vertex)), point.get(Factor::light_v(path.vertex)));
+            if let Some(light) = lights.sample(&query, u) {
+                sum += self.lit(path, surface, shading, point, &light, competes);
+            }
+        }
+        sum
+    }
+
+    /// What one light sample gives.
+    fn lit(
+        &self,
+        path: &Path,
+        surface: &SurfacePoint,
+        shading: &Shading,
+        point: &Point<'_>,
+        light: &LightSample,
+        competes: bool,
+    ) -> Vec3 {
+        let (value, pdf) = shading.bsdf.eval(light.wi);
+        if value == Vec3::ZERO || light.pdf_solid_angle <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let mis_weight = if competes && !light.is_delta { power_heuristic(light.pdf_solid_angle, pdf) } else { 1.0 };
+        let contribution = value * light.radiance * (mis_weight / light.pdf_solid_angle);
+        if contribution.max_element() <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let ray = Ray {
+            origin: surface.spawn_origin(light.wi),
+            direction: light.wi,
+            t_max: light.distance,
+            u_time: path.ray.u_time,
+            backs: Backs::Stop,
+        };
+        count_ray();
+        let salt = SHADOW_SALT | u32::from(path.vertex);
+        if self.parts.accel.occluded(&ray, |hit| self.is_there(hit, &ray, point, salt)) {
+            Vec3::ZERO
+        } else {
+            contribution
+        }
+    }
+}
+
+/// What a vertex does with the path.
+enum Next {
+    /// The path goes on with its new ray.
+    On,
+    /// Nothing more can come.
+    End,
+}
+
+impl PathTracer<'_> {
+    /// Follows the path to its end.
+    fn follow(&self, mut path: Path, point: &Point<'_>) -> Vec3 {
+        loop {
+            count_ray();
+            let salt = u32::from(path.vertex) << 8 | u32::from(path.specular);
+            let hit = self.parts.accel.closest(&path.ray, |hit| self.is_there(hit, &path.ray, point, salt));
+            self.meet_lights(&mut path, hit.map_or(f32::INFINITY, |h| h.t));
+            let next = hit.map_or(Next::End, |hit| self.meet_surface(&mut path, &hit, point));
+            if matches!(next, Next::End) {
+                return path.radiance;
+            }
+        }
+    }
+
+    /// Lights that are no surfaces: the sky if nothing is met before `t`, and spheres on the way.
+    fn meet_lights(&self, path: &mut Path, t: f32) {
+        let (lights, ray) = (self.parts.lights, path.ray);
+        let mut sum = Vec3::ZERO;
+        match &path.scattered {
+            Some((query, pdf)) => {
+                lights.seen(query, ray.direction, t, |radiance, light_pdf| {
+                    sum += radiance * power_heuristic(*pdf, light_pdf);
+                });
+            }
+            None => {
+                sum = lights.spheres(ray.origin, ray.direction, t, ray.u_time);
+                if t == f32::INFINITY {
+                    sum += lights.sky(ray.direction, ray.u_time);
+                }
+            }
+        }
+        path.radiance += path.throughput * sum;
+    }
+
+    fn meet_surface(&self, path: &mut Path, hit: &Hit, point: &Point<'_>) -> Next {
+        let Parts { scene, stage, accel, materials, .. } = self.parts;
+        let surface = accel.surface(scene, stage, &path.ray, hit);
+        path.cone_width += path.cone_spread * hit.t;
+        if let Some(medium) = &path.medium {
+            path.throughput *= medium.transmittance(hit.t);
+        }
+        let wo = -path.ray.direction;
+        let query = ShadingQuery {
+            cone_width: path.cone_width,
+            u_texture: point.get(Factor::extra(EXTRA_TEXTURE)),
+            wavelength_nm: None,
+        };
+        let shading = Shading::new(scene, materials, &surface, wo, query);
+        if let Some(color) = shading.unlit {
+            if !path.last {
+                path.radiance += path.throughput * color;
+            }
+            return Next::End;
+        }
+        if shading.emitted != Vec3::ZERO {
+            path.radiance += path.throughput * shading.emitted * self.emitter_weight(path, hit);
+        }
+        if path.last || shading.bsdf.is_black() {
+            return Next::End;
+        }
+        self.scatter(path, &surface, &shading, point)
+    }
+
+    /// Weight of an emissive surface that the path met, against having sampled it as a light.
+    fn emitter_weight(&self, path: &Path, hit: &Hit) -> f32 {
+        let Some((query, pdf)) = &path.scattered else { return 1.0 };
+        let emitter = (hit.instance, hit.triangle);
+        let barycentric = Vec2::new(hit.u, hit.v);
+        let light_pdf = self.parts.lights.emitter_pdf(query, path.ray.direction, hit.t, emitter, barycentric);
+        power_heuristic(*pdf, light_pdf)
+    }
+
+    /// Samples light and the next direction at a vertex.
+    fn scatter(&self, path: &mut Path, surface: &SurfacePoint, shading: &Shading, point: &Point<'_>) -> Next {
+        let rough = !shading.bsdf.is_specular_only();
+        let last = path.bounces >= self.bounces;
+        // A surface with wide lobes at the path's end is lit by sampled light alone: a scattered ray would find the
+        // same light no better.
+        let finds_light = self.parts.lights.needs_sampling();
+        let competes = finds_light && !(last && shading.bsdf.is_wide());
+        if rough {
+            path.radiance += path.throughput * self.direct(path, surface, shading, point, competes);
+        }
+        if rough && last && shading.bsdf.is_wide() {
+            return Next::End;
+        }
+        let u = if rough {
+            Vec2::new(point.get(Factor::lobe_u(path.vertex)), point.get(Factor::lobe_v(path.vertex)))
+        } else {
+            Vec2::splat(0.5)
+        };
+        let extra = || point.get(Factor::extra(EXTRA_SPECULAR + path.specular));
+        let Some(sample) = shading.bsdf.sample(u, if rough { 0.5 } else { extra() }) else { return Next::End };
+        if path.specular >= MOST_SPECULAR {
+            return Next::End;
+        }
+        self.go_on(path, surface, shading, &sample, rough)
+    }
+
+    /// Sets the path's next ray.
+    fn go_on(
+        &self,
+        path: &mut Path,
+        surface: &SurfacePoint,
+        shading: &Shading,
+        sample: &BsdfSample,
+        rough: bool,
+    ) -> Next {
+        path.throughput *= sample.throughput;
+        if path.throughput.max_element() <= 0.0 {
+            return Next::End;
+        }
+        if sample.refracted {
+            let entering = sample.wi.dot(surface.geometric_normal) < 0.0;
+            path.medium = shading.medium.filter(|_| entering);
+        }
+        path.vertex += u16::from(rough);
+        match sample.scatter {
+            Scatter::Specular => {
+                path.specular += 1;
+                path.scattered = None;
+            }
+            Scatter::Rough => {
+                if path.bounces >= self.bounces {
+                    if !self.parts.lights.needs_sampling() {
+                        return Next::End;
+                    }
+                    path.last = true;
+                }
+                path.bounces += 1;
+                path.scattered =
+                    Some((LightQuery::new(surface, &shading.bsdf, path.ray.u_time), sample.pdf_solid_angle));
+            }
+        }
+        // A lobe of GGX width α spreads a pixel's cone by about α: a texel's worth of blur, not a measured constant.
+        path.cone_spread += sample.alpha;
+        path.ray = Ray {
+            origin: surface.spawn_origin(sample.wi),
+            direction: sample.wi,
+            t_max: f32::INFINITY,
+            u_time: path.ray.u_time,
+            backs: if path.scattered.is_none() { path.ray.backs } else { Backs::Stop },
+        };
+        Next::On
+    }
+}
+
+impl ImageFunction for PathTracer<'_> {
+    fn radiance(&self, film: FilmPoint, point: &Point<'_>) -> Vec3 {
+        let seen = self.camera.ray(film, point);
+        let path = Path {
+            ray: seen.ray,
+            throughput: Vec3::ONE,
+            radiance: Vec3::ZERO,
+            cone_width: seen.cone_width,
+            cone_spread: seen.cone_spread,
+            scattered: None,
+            medium: None,
+            vertex: 0,
+            bounces: 0,
+            specular: 0,
+            last: false,
+        };
+        self.follow(path, point)
+    }
+}
+
+/// The upper 24 bits as a coordinate in [0, 1).
+#[allow(clippy::cast_possible_truncation, reason = "the upper half is what is wanted")]
+fn unit_from_upper_bits(bits: u64) -> f32 {
+    numeric::unit_from_bits((bits >> 32) as u32)
+}
+
+/// The power heuristic with β = 2 for one sample of each technique (Veach and Guibas 1995, §4.2), guarded against
+/// densities whose square would overflow.
+fn power_heuristic(own: f32, other: f32) -> f32 {
+    if own <= 0.0 {
+        return 0.0;
+    }
+    let ratio = other / own;
+    1.0 / (1.0 + ratio * ratio)
+}
