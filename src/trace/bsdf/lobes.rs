@@ -161,8 +161,8 @@ impl Bsdf {
         };
         let (ggx, smooth) = widths(p.alpha);
         // Tables are isotropic: the geometric mean of the widths stands for both.
-        let roughness = if smooth { 0.0 } else { (p.alpha.x * p.alpha.y).sqrt().sqrt() };
-        let e = GgxAlbedo::at(o.z, roughness);
+        let roughness = if smooth { 0.0 } else { (ggx.alpha.x * ggx.alpha.y).sqrt().sqrt() };
+        let e = GgxAlbedo::seen(ggx.alpha, roughness, o);
         let over = (p.f0.max_element(), p.f90.max(p.f0.max_element()));
 
         let (coat, coat_albedo) = Self::coat_of(p);

@@ -4,6 +4,8 @@ use super::albedo::Glass;
 use crate::scene::{AlphaMode, Material, MaterialId, Scene};
 use crate::trace::texture::{ColorSpace, Footprint, TextureFilter, Textures};
 use glam::{Vec2, Vec3};
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// A homogeneous medium behind a refracting boundary.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +29,7 @@ impl Medium {
 pub struct Materials {
     pub(super) textures: Textures,
     /// By material: albedos of its refracting boundary from outside and from inside.
-    pub(super) glass: Vec<Option<[Glass; 2]>>,
+    pub(super) glass: Vec<Option<Arc<[Glass; 2]>>>,
     media: Vec<Option<Medium>>,
 }
 
@@ -36,14 +38,19 @@ impl Materials {
     #[must_use]
     pub fn new(scene: &Scene, filter: TextureFilter) -> Self {
         let media: Vec<_> = scene.materials.iter().map(medium_of).collect();
+        let mut by_ior: HashMap<u32, Arc<[Glass; 2]>> = HashMap::new();
+        let mut tables = |m: &Medium| {
+            by_ior
+                .entry(m.ior.to_bits())
+                .or_insert_with(|| Arc::new([Glass::new(m.ior), Glass::new(1.0 / m.ior)]))
+                .clone()
+        };
+        let rough = |m: &Material| m.roughness > 0.0;
         let glass = scene
             .materials
             .iter()
             .zip(&media)
-            .map(|(material, medium)| {
-                let rough = material.roughness > 0.0;
-                medium.filter(|_| rough).map(|m| [Glass::new(m.ior), Glass::new(1.0 / m.ior)])
-            })
+            .map(|(m, medium)| medium.as_ref().filter(|_| rough(m)).map(&mut tables))
             .collect();
         Self { textures: Textures::new(scene, filter), glass, media }
     }

@@ -157,7 +157,7 @@ fn parameters<'a>(
         let inside = f.side < 0.0;
         Boundary {
             eta: if inside { 1.0 / m.ior } else { m.ior },
-            glass: reader.materials.glass[point.material].as_ref().map(|g| &g[usize::from(inside)]),
+            glass: reader.materials.glass[point.material].as_deref().map(|g| &g[usize::from(inside)]),
         }
     });
     let (mut f0, f90) = dielectric_reflectance(reader, material);
