@@ -10,7 +10,9 @@ pub mod camera;
 pub mod curve;
 pub(crate) mod decode;
 pub mod deform;
+pub mod environment;
 pub mod gltf;
+pub mod info;
 pub mod light;
 pub mod limbs;
 pub mod material;
@@ -25,6 +27,7 @@ pub mod view;
 
 pub use animation::{Animation, Channel, Interpolation, Property, Track};
 pub use camera::{Camera, Lens, Projection};
+pub use info::Info;
 pub use light::{Environment, Light, LightShape};
 pub use material::{AlphaMode, Material, TextureRef};
 pub use mesh::{Mesh, MorphTarget, SkinBinding};

@@ -1,5 +1,7 @@
 //! Decoded images and how they are looked up.
 
+pub use super::environment::load_environment;
+
 /// The most texture coordinate sets that a material may read.
 pub const MAX_UV_SETS: usize = 4;
 

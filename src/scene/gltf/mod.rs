@@ -16,6 +16,7 @@ mod container;
 mod context;
 mod draco;
 mod extras;
+mod lights_image_based;
 mod material_extensions;
 mod materials;
 mod meshes;
@@ -39,6 +40,8 @@ pub struct LoadOptions {
     /// Whether buffers and images may lie outside the file's folder: lifts the refusal of absolute paths, of ways out
     /// by `..` and of links; network references are refused all the same.
     pub allow_outside: bool,
+    /// The scene to show, by index; `None` is the file's default, else its first.
+    pub scene: Option<usize>,
     /// The material variant to wear (`KHR_materials_variants`); `None` is what the file shows without one.
     pub variant: Option<String>,
     /// Bytes that everything decoded may take together; `None` allows 512 MiB and 64 times what was read.
@@ -64,6 +67,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene> {
     let mut stock = nodes::load(&ctx, &buffers, &tree)?;
     let targets = |node: &super::Node| node.weights.len();
     let animations = animations::load(&ctx, &buffers, &tree, &mut stock.nodes, targets)?;
+    let environment = lights_image_based::load(&ctx, &buffers)?;
     let (mut materials, wanted) = stock.materials.into_parts();
     let (textures, images) = wanted.decode(&ctx, &buffers, &mut materials)?;
     Ok(Scene {
@@ -78,7 +82,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene> {
         cameras: stock.cameras,
         skins: stock.skins,
         animations,
-        environment: None,
+        environment,
         extensions: extensions(&ctx),
         warnings: ctx.take_warnings(),
         hash: ctx.hash(),

@@ -8,8 +8,8 @@ use super::extras;
 use super::materials::Materials;
 use super::meshes::Meshes;
 use super::schema::NodeDef;
-use crate::Result;
 use crate::scene::{Camera, Light, LocalTransform, Node, NodeId, Skin};
+use crate::{Error, Result};
 use glam::{DAffine3, DMat4, DQuat, Quat, Vec3, Vec4};
 use serde::Deserialize;
 use std::collections::HashMap;
@@ -76,13 +76,23 @@ fn parents(ctx: &Context<'_>) -> Result<Vec<Option<usize>>> {
 
 /// The roots of the chosen scene: the default one, else the first, else every node without a parent.
 fn roots(ctx: &Context<'_>, parents: &[Option<usize>]) -> Result<Vec<usize>> {
+    if let Some(wanted) = ctx.options.scene
+        && wanted >= ctx.doc.scenes.len()
+    {
+        return Err(Error::NoSuchObject {
+            path: ctx.path.clone(),
+            kind: "scene",
+            wanted: wanted.to_string(),
+            available: format!("it has {} of them", ctx.doc.scenes.len()),
+        });
+    }
     if ctx.doc.scenes.is_empty() {
         if let Some(scene) = ctx.doc.scene {
             ctx.warn("file", format!("names scene {scene} as its default, but has none; all nodes are shown"));
         }
         return Ok((0..parents.len()).filter(|&n| parents[n].is_none()).collect());
     }
-    let index = ctx.doc.scene.unwrap_or(0);
+    let index = ctx.options.scene.or(ctx.doc.scene).unwrap_or(0);
     let scene = ctx.get(&ctx.doc.scenes, index, "scene", "file")?;
     let object = label("scene", index, "");
     for &root in &scene.nodes {

@@ -35,9 +35,18 @@ pub(super) struct Wanted {
 }
 
 /// The bytes of an encoded image.
-enum Source {
+pub(super) enum Source {
     View(View),
     Bytes(Vec<u8>),
+}
+
+impl Source {
+    pub(super) fn bytes(&self) -> &[u8] {
+        match self {
+            Self::View(view) => view.bytes(),
+            Self::Bytes(bytes) => bytes,
+        }
+    }
 }
 
 impl Wanted {
@@ -105,14 +114,7 @@ impl Wanted {
         for &(image, _) in &wanted {
             sources.push(fetch(ctx, buffers, image)?);
         }
-        let bytes: Vec<Option<&[u8]>> = sources
-            .iter()
-            .map(|s| match s {
-                None => None,
-                Some(Source::View(view)) => Some(view.bytes()),
-                Some(Source::Bytes(bytes)) => Some(bytes.as_slice()),
-            })
-            .collect();
+        let bytes: Vec<Option<&[u8]>> = sources.iter().map(|s| s.as_ref().map(Source::bytes)).collect();
         let decoded: Vec<Option<Result<decode::Decoded, String>>> =
             bytes.par_iter().map(|bytes| bytes.map(|b| decode::picture(b, LARGEST))).collect();
         let mut images = Vec::new();
@@ -248,7 +250,7 @@ fn transform(ctx: &Context<'_>, extensions: &Object, object: &str) -> Result<(Af
 
 /// The encoded bytes of an image, with the memory for its pixels paid for. `None`, with a warning, where the file
 /// brings no usable image; a reference that is forbidden is an error.
-fn fetch(ctx: &Context<'_>, buffers: &Buffers, index: usize) -> Result<Option<Source>> {
+pub(super) fn fetch(ctx: &Context<'_>, buffers: &Buffers, index: usize) -> Result<Option<Source>> {
     let def = &ctx.doc.images[index];
     let name = label("image", index, &def.name);
     let source = match (&def.uri, def.buffer_view) {
@@ -276,11 +278,7 @@ fn fetch(ctx: &Context<'_>, buffers: &Buffers, index: usize) -> Result<Option<So
             return Ok(None);
         }
     };
-    let bytes = match &source {
-        Source::View(view) => view.bytes(),
-        Source::Bytes(bytes) => bytes,
-    };
-    match decode::size(bytes) {
+    match decode::size(source.bytes()) {
         Ok(size) => {
             ctx.charge(size, &name)?;
             Ok(Some(source))

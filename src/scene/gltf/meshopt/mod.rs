@@ -144,39 +144,45 @@ mod tests {
         let colors: Vec<[f32; 4]> = unit.iter().map(|q| q.map(f32::abs)).collect();
 
         let mut eight = ::meshopt::encode_filter_oct::<i8>(&normals, 8);
-        let mut ours: Vec<u8> = bytemuck::cast_slice(&eight).to_vec();
-        filter::octahedral_8(&mut ours);
+        let mut ours: Vec<i8> = eight.concat();
+        filter::octahedral_8(bytemuck::cast_slice_mut(&mut ours));
         ::meshopt::decode_filter_oct(&mut eight);
-        assert_eq!(ours, bytemuck::cast_slice::<[i8; 4], u8>(&eight));
+        assert!(farthest(&ours, &eight.concat()) <= 1);
 
         let mut sixteen = ::meshopt::encode_filter_oct::<i16>(&normals, 12);
-        let mut ours: Vec<u8> = bytemuck::cast_slice(&sixteen).to_vec();
-        filter::octahedral_16(&mut ours);
+        let mut ours: Vec<i16> = sixteen.concat();
+        filter::octahedral_16(bytemuck::cast_slice_mut(&mut ours));
         ::meshopt::decode_filter_oct(&mut sixteen);
-        assert_eq!(ours, bytemuck::cast_slice::<[i16; 4], u8>(&sixteen));
+        assert!(farthest(&ours, &sixteen.concat()) <= 1);
 
         let mut turns = ::meshopt::encode_filter_quat(&unit, 14);
-        let mut ours: Vec<u8> = bytemuck::cast_slice(&turns).to_vec();
-        filter::quaternion(&mut ours);
+        let mut ours: Vec<i16> = turns.concat();
+        filter::quaternion(bytemuck::cast_slice_mut(&mut ours));
         ::meshopt::decode_filter_quat(&mut turns);
-        assert_eq!(ours, bytemuck::cast_slice::<[i16; 4], u8>(&turns));
+        assert!(farthest(&ours, &turns.concat()) <= 1);
 
         let mut floats = ::meshopt::encode_filter_exp(&unit, 15, ::meshopt::EncodeExpMode::Separate);
-        let mut ours: Vec<u8> = bytemuck::cast_slice(&floats).to_vec();
-        filter::exponential(&mut ours);
+        let mut ours: Vec<u32> = floats.concat();
+        filter::exponential(bytemuck::cast_slice_mut(&mut ours));
         ::meshopt::decode_filter_exp(&mut floats);
-        assert_eq!(ours, bytemuck::cast_slice::<[u32; 4], u8>(&floats));
+        assert_eq!(ours, floats.concat());
 
         let mut tints = ::meshopt::encode_filter_color::<u8>(&colors, 8);
-        let mut ours: Vec<u8> = bytemuck::cast_slice(&tints).to_vec();
+        let mut ours: Vec<u8> = tints.concat();
         filter::color_8(&mut ours);
         ::meshopt::decode_filter_color(&mut tints);
-        assert_eq!(ours, bytemuck::cast_slice::<[u8; 4], u8>(&tints));
+        assert!(farthest(&ours, &tints.concat()) <= 1);
 
         let mut tints = ::meshopt::encode_filter_color::<u16>(&colors, 13);
-        let mut ours: Vec<u8> = bytemuck::cast_slice(&tints).to_vec();
-        filter::color_16(&mut ours);
+        let mut ours: Vec<u16> = tints.concat();
+        filter::color_16(bytemuck::cast_slice_mut(&mut ours));
         ::meshopt::decode_filter_color(&mut tints);
-        assert_eq!(ours, bytemuck::cast_slice::<[u16; 4], u8>(&tints));
+        assert!(farthest(&ours, &tints.concat()) <= 1);
+    }
+
+    /// The largest difference: meshoptimizer's vector code may round the other way.
+    fn farthest<T: Copy + Into<i32>>(ours: &[T], theirs: &[T]) -> i32 {
+        assert_eq!(ours.len(), theirs.len());
+        ours.iter().zip(theirs).map(|(&a, &b)| (a.into() - b.into()).abs()).max().unwrap()
     }
 }
