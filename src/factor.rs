@@ -63,3 +63,22 @@ impl Factor {
         self.0 >= Self::FIRST_EXTRA
     }
 }
+
+impl std::fmt::Display for Factor {
+    /// `film x`, `shutter`, `light 0 u`, …: vertices are counted from the camera.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match *self {
+            Self::FILM_X => f.write_str("film x"),
+            Self::FILM_Y => f.write_str("film y"),
+            Self::SHUTTER => f.write_str("shutter"),
+            Self::LENS_U => f.write_str("lens u"),
+            Self::LENS_V => f.write_str("lens v"),
+            Self(i) if self.is_extra() => write!(f, "extra {}", i - Self::FIRST_EXTRA),
+            Self(i) => {
+                let (vertex, axis) =
+                    ((i - Self::FIRST_VERTEX) / Self::PER_VERTEX, (i - Self::FIRST_VERTEX) % Self::PER_VERTEX);
+                write!(f, "{} {vertex}", ["light u", "light v", "lobe u", "lobe v"][usize::from(axis)])
+            }
+        }
+    }
+}

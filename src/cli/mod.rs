@@ -1,30 +1,68 @@
 //! The command line: arguments in, library calls, sentences out.
 
-pub(crate) mod progress;
-pub(crate) mod render;
+mod check;
+mod compare;
+mod plan;
+mod progress;
+mod render;
 mod run_render;
+mod shot;
+mod shot_args;
+mod study_designs;
 
 use clap::{Parser, Subcommand};
+use std::process::ExitCode;
 
 /// A distributed ray tracer for moving pictures: glTF in, frame sequences and interlaced video out.
 #[derive(Debug, Parser)]
 #[command(name = "graeco", version, about, arg_required_else_help = true, max_term_width = 110)]
 pub(crate) struct Cli {
     #[command(subcommand)]
-    pub(crate) command: Command,
+    command: Command,
 }
 
 #[derive(Debug, Subcommand)]
-pub(crate) enum Command {
+enum Command {
     /// Render frames of a glTF file with motion blur, depth of field and soft shadows
     Render(Box<render::RenderArgs>),
+    /// Tell which effects a frame calls for, what is sampled, and by which design
+    Plan(Box<plan::PlanArgs>),
+    /// Tell which frames of a folder are missing, corrupt or made with other settings
+    Check(check::CheckArgs),
+    /// Measure how much two pictures differ
+    Compare(compare::CompareArgs),
+    /// Measure designs and pictures
+    #[command(subcommand, arg_required_else_help = true)]
+    Study(Study),
+}
+
+#[derive(Debug, Subcommand)]
+enum Study {
+    Designs(study_designs::StudyDesignsArgs),
 }
 
 impl Cli {
     /// Does what was asked.
-    pub(crate) fn run(&self) -> graeco::Result<()> {
+    pub(crate) fn run(&self) -> graeco::Result<ExitCode> {
         match &self.command {
-            Command::Render(args) => run_render::run(args),
+            Command::Render(args) => run_render::run(args)?,
+            Command::Plan(args) => say(&plan::run(args)?),
+            Command::Compare(args) => say(&compare::run(args)?),
+            Command::Check(args) => {
+                let (text, well) = check::run(args)?;
+                say(&text);
+                if !well {
+                    return Ok(ExitCode::FAILURE);
+                }
+            }
+            Command::Study(Study::Designs(args)) => study_designs::run(args)?,
         }
+        Ok(ExitCode::SUCCESS)
     }
+}
+
+/// Prints a command's answer. A reader that has gone away (`| head`) is no failure.
+fn say(text: &str) {
+    use std::io::Write as _;
+    let _ = writeln!(std::io::stdout(), "{text}");
 }

@@ -1,21 +1,13 @@
 //! From arguments to pictures on disk.
 
 use super::progress::Reporter;
-use super::render::{Backdrop, RenderArgs};
-use glam::Vec3;
-use graeco::design::DesignOptions;
-use graeco::output::video::{ChromaNotch, Shape, Standard, YuvOptions};
+use super::render::RenderArgs;
+use graeco::output::video::{ChromaNotch, YuvOptions};
 use graeco::output::{
-    Cadence, Destination, Dither, ExrDepth, FrameFormat, OutputTarget, PixelAspect, PngDepth, PngOptions, View, file,
+    Cadence, Destination, Dither, ExrDepth, FrameFormat, OutputTarget, PngDepth, PngOptions, View, file,
 };
-use graeco::render::{Frame, FrameList, Progress, Scanning, Settings, Shot, Surroundings};
-use graeco::scene::gltf::{self, LoadOptions};
-use graeco::scene::rig::Playback;
-use graeco::scene::view::ViewRequest;
-use graeco::scene::{Environment, Scene, texture};
-use graeco::time::{FrameRate, Parity};
-use graeco::trace::environment::Background;
-use graeco::trace::texture::TextureFilter;
+use graeco::render::{Frame, FrameList, Progress, Settings, Shot};
+use graeco::time::Parity;
 use graeco::{Error, Result};
 use serde::Serialize;
 use std::sync::Arc;
@@ -39,62 +31,13 @@ struct StatsLine {
 }
 
 impl RenderArgs {
-    /// The settings that decide what pictures show.
-    fn settings(&self) -> Settings {
-        let shape = if self.wide { Shape::Wide } else { Shape::Normal };
-        let pixel_aspect =
-            self.pixel_aspect.or(self.video.map(|v| v.pixel_aspect(shape))).unwrap_or(PixelAspect::SQUARE);
-        let size = self.size.or(self.video.map(Standard::size)).unwrap_or((960, 540));
-        let scanning = match (self.interlace.or(self.video.map(Standard::first)), self.scan.as_str()) {
-            (Some(first), _) => Scanning::Interlaced { first, line_height: self.line_height },
-            (None, "rolling") => Scanning::Rolling { readout: self.readout },
-            (None, _) => Scanning::Progressive,
-        };
-        Settings {
-            size,
-            crop: self.crop,
-            pixel_aspect,
-            rate: self.fps.or(self.video.map(Standard::rate)).unwrap_or(if self.pulldown {
-                FrameRate::NTSC_FILM
-            } else {
-                FrameRate::CINEMA
-            }),
-            shutter: self.shutter,
-            shutter_phase: self.shutter_phase,
-            shutter_curve: self.shutter_curve.to_string(),
-            scanning,
-            view: ViewRequest {
-                camera: self.camera.clone(),
-                f_stop: self.f_stop,
-                aperture_radius: self.aperture_radius,
-                focus_distance: self.focus_distance,
-                focus_on: self.focus_on.clone(),
-                motion_error: self.motion_error,
-                size,
-                pixel_aspect: pixel_aspect.ratio(),
-            },
-            playback: Playback { animation: self.animation.clone(), looped: self.looped },
-            blur_scale: self.blur_scale.clone(),
-            sampling: DesignOptions {
-                kind: self.design,
-                dither: self.dither,
-                runs: self.runs,
-                seed: self.seed,
-                ..DesignOptions::default()
-            },
-            filter: self.filter,
-            texture_filter: TextureFilter::default(),
-            bounces: self.bounces,
-        }
-    }
-
     fn view(&self) -> View {
         View { transform: self.view, exposure_ev: self.exposure }
     }
 
     /// Where finished pictures go; nothing is written yet.
     fn target(&self, destination: Destination, settings: &Settings, frames: usize) -> Result<OutputTarget> {
-        let cadence = if self.pulldown { Cadence::Pulldown(Parity::Top) } else { Cadence::Native };
+        let cadence = if self.shot.pulldown { Cadence::Pulldown(Parity::Top) } else { Cadence::Native };
         let lines = settings.size.1;
         match destination {
             Destination::Frames(pattern) => {
@@ -137,38 +80,6 @@ impl RenderArgs {
             )),
         }
     }
-
-    /// What surrounds the scene: the flags' over the file's; a soft sky where there is no light at all.
-    #[allow(clippy::cast_possible_truncation, reason = "angles and factors that are f32 in the scene")]
-    fn surroundings<'s>(&self, scene: &'s Scene, environment: Option<&'s Environment>) -> Surroundings<'s> {
-        let sky = |zenith: [f32; 3], nadir: [f32; 3]| {
-            let (zenith, nadir) = (Vec3::from(zenith), Vec3::from(nadir));
-            Background::Gradient { zenith, horizon: 0.5 * (zenith + nadir), nadir }
-        };
-        let background = match (environment, &self.background, &scene.environment) {
-            (Some(picture), _, _) | (None, None, Some(picture)) => Background::Picture(picture),
-            (None, Some(Backdrop::Constant(c)), _) => Background::Constant(Vec3::from(*c)),
-            (None, Some(Backdrop::Gradient(top, bottom)), _) => sky(*top, *bottom),
-            (None, None, None) if scene.has_light() => Background::Black,
-            (None, None, None) => sky([1.0; 3], [0.35; 3]),
-        };
-        let name = format!(
-            "{:?} {:?} {} {}",
-            self.environment, self.background, self.environment_rotation, self.environment_strength
-        );
-        Surroundings { background, name }
-    }
-
-    /// The picture that `--environment` names.
-    #[allow(clippy::cast_possible_truncation, reason = "angles and factors that are f32 in the scene")]
-    fn environment(&self) -> Result<Option<Environment>> {
-        let Some(path) = &self.environment else { return Ok(None) };
-        Ok(Some(Environment {
-            image: texture::load_environment(path)?,
-            rotation: self.environment_rotation.to_radians() as f32,
-            strength: self.environment_strength as f32,
-        }))
-    }
 }
 
 /// Signals that end the work.
@@ -191,18 +102,13 @@ impl Signals {
 /// `graeco render`.
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let destination = Destination::parse(&args.output.to_string_lossy())?;
-    let settings = args.settings();
-    if let Some(threads) = args.threads {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(usize::from(threads))
-            .build_global()
-            .map_err(|e| Error::invalid(format!("--threads {threads}"), e.to_string()))?;
-    }
+    let settings = args.shot.settings();
+    args.shot.set_threads()?;
     let started = Instant::now();
-    let scene = gltf::load(&args.scene, &LoadOptions { allow_outside: args.allow_outside, ..LoadOptions::default() })?;
+    let scene = args.shot.load()?;
     let load_s = started.elapsed().as_secs_f64();
-    let environment = args.environment()?;
-    let surroundings = args.surroundings(&scene, environment.as_ref());
+    let environment = args.shot.environment()?;
+    let surroundings = args.shot.surroundings(&scene, environment.as_ref());
     let mut shot = Shot::new(&scene, &settings, &surroundings)?;
     let frames = args.frames.clone().unwrap_or_else(|| FrameList::of_animation(shot.span(), settings.rate));
     let reporter = Reporter::new(args.quiet, frames.frames().len());

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 /// Measure the variance of designs relative to independent sampling
 #[derive(Debug, clap::Args)]
-pub struct StudyDesignsArgs {
+pub(crate) struct StudyDesignsArgs {
     /// Designs, by name, separated by commas
     #[arg(
         long,
@@ -76,7 +76,7 @@ fn line(row: &Row) -> String {
 }
 
 /// Measures, prints the table as it grows, writes the files.
-pub fn run(args: &StudyDesignsArgs) -> Result<()> {
+pub(crate) fn run(args: &StudyDesignsArgs) -> Result<()> {
     if args.placements == 0 || args.randomizations < 2 {
         return Err(Error::Invalid {
             what: "--placements, --randomizations".into(),
