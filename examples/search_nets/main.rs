@@ -23,7 +23,7 @@ use energy::{Energies, MOST, Random};
 const FACTORS: usize = 13;
 
 /// How much each factor counts: a term's weight is the product over its factors.
-const WEIGHTS: [f64; FACTORS] = [1.2, 1.2, 1.2, 1.0, 1.0, 1.0, 1.0, 0.7, 0.7, 0.5, 0.5, 0.5, 0.5];
+const WEIGHTS: [f64; FACTORS] = [1.3, 1.3, 1.3, 1.0, 1.0, 1.0, 1.0, 0.7, 0.7, 0.5, 0.5, 0.5, 0.5];
 
 /// Factors annealed together; the others join one by one, those before them staying as they are.
 const TOGETHER: usize = 7;
@@ -110,10 +110,10 @@ fn prefix_weight(mode: Mode, bits: usize, k: usize) -> f64 {
     match (mode, bits - k) {
         (_, 0) => 1.0,
         (Mode::Strong, _) => 0.0,
-        (Mode::Nested, 1) => 0.5,
-        (Mode::Nested, 2) => 0.5,
-        (Mode::Nested, 3) => 0.25,
-        (Mode::Nested, _) => 0.1,
+        (Mode::Nested, 1) => 0.35,
+        (Mode::Nested, 2) => 0.45,
+        (Mode::Nested, 3) => 0.15,
+        (Mode::Nested, _) => 0.05,
     }
 }
 

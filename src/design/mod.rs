@@ -20,6 +20,7 @@ pub mod array;
 mod choose;
 mod disk;
 pub mod dither;
+pub mod export;
 pub mod galois;
 mod hash;
 mod kind;
