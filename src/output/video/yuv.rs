@@ -5,6 +5,7 @@ use crate::output::quantise::{Dither, Place};
 use crate::output::{FieldOrder, Picture, View};
 use crate::time::Parity;
 use crate::{Error, Result};
+use rayon::prelude::*;
 
 /// Weights of red and blue in luma.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -173,15 +174,16 @@ impl Frame {
     pub fn new(picture: &Picture, options: &YuvOptions) -> Result<Self> {
         check_size(picture.size, picture.metadata.order, options.sampling)?;
         let (width, height) = (picture.size.0 as usize, picture.size.1 as usize);
-        let mut planes = [(); 3].map(|()| Vec::with_capacity(width * height));
-        for rgb in picture.whole_rgb() {
-            let ycbcr = options.matrix.ycbcr(options.view.encode(rgb).to_array());
-            for (plane, value) in planes.iter_mut().zip(ycbcr) {
-                plane.push(value);
+        let mut ycbcr = vec![[0.0; 3]; width * height];
+        let lines = ycbcr.par_chunks_mut(width).zip(picture.whole_rgb().into_par_iter().chunks(width));
+        lines.for_each(|(out, line)| {
+            for (value, rgb) in out.iter_mut().zip(line) {
+                *value = options.matrix.ycbcr(options.view.encode(rgb).to_array());
             }
-        }
+        });
+        let mut planes = [0, 1, 2].map(|channel| ycbcr.iter().map(|value| value[channel]).collect::<Vec<f64>>());
         if options.notch == ChromaNotch::On {
-            planes[0].chunks_exact_mut(width).for_each(notch::filter_line);
+            planes[0].par_chunks_exact_mut(width).for_each(notch::filter_line);
         }
         let (across, down) = options.sampling.steps();
         let chroma_size = (picture.size.0 / across, picture.size.1 / down);
@@ -257,7 +259,7 @@ fn codes(plane: &[f64], channel: u32, columns: u32, instants: &Instants, options
     // those that carry synchronisation.
     let (offset, range) = if channel == 0 { (16.0, 219.0) } else { (128.0, 224.0) };
     let (low, high) = (scale, 255 * scale - 1);
-    let codes = plane.iter().enumerate().map(|(index, value)| {
+    let codes = plane.par_iter().enumerate().map(|(index, value)| {
         let (x, row) = (index as u32 % columns, index as u32 / columns);
         // A chroma line of an interlaced picture belongs to the field of its own parity, as its luma lines do.
         let place = Place { x, line: row, channel, instant: instants.at(row) };
