@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// Write the points of a sampling design, or show it
 #[derive(Debug, clap::Args)]
-pub struct DesignArgs {
+pub(crate) struct DesignArgs {
     /// The design: random, jittered, latin-hypercube, latin-square, orthogonal, orthogonal-correlated, orthogonal-3,
     /// sobol, poisson-disk, strong, nested or auto
     pub design: Kind,
@@ -65,7 +65,7 @@ fn parse_format(text: &str) -> std::result::Result<Format, String> {
 }
 
 /// Writes the points, or shows the square.
-pub fn run(args: &DesignArgs) -> Result<()> {
+pub(crate) fn run(args: &DesignArgs) -> Result<()> {
     let options = DesignOptions {
         kind: args.design,
         dither: args.dither,

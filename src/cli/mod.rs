@@ -2,6 +2,8 @@
 
 mod check;
 mod compare;
+mod design;
+mod info;
 mod plan;
 mod progress;
 mod render;
@@ -25,12 +27,16 @@ pub(crate) struct Cli {
 enum Command {
     /// Render frames of a glTF file with motion blur, depth of field and soft shadows
     Render(Box<render::RenderArgs>),
+    /// Print what a glTF file holds, and what of it is not supported
+    Info(info::InfoArgs),
     /// Tell which effects a frame calls for, what is sampled, and by which design
     Plan(Box<plan::PlanArgs>),
     /// Tell which frames of a folder are missing, corrupt or made with other settings
     Check(check::CheckArgs),
     /// Measure how much two pictures differ
     Compare(compare::CompareArgs),
+    /// Write the points of a sampling design, or print its square
+    Design(design::DesignArgs),
     /// Measure designs and pictures
     #[command(subcommand, arg_required_else_help = true)]
     Study(Study),
@@ -46,7 +52,9 @@ impl Cli {
     pub(crate) fn run(&self) -> graeco::Result<ExitCode> {
         match &self.command {
             Command::Render(args) => run_render::run(args)?,
+            Command::Info(args) => info::run(args)?,
             Command::Plan(args) => say(&plan::run(args)?),
+            Command::Design(args) => design::run(args)?,
             Command::Compare(args) => say(&compare::run(args)?),
             Command::Check(args) => {
                 let (text, well) = check::run(args)?;

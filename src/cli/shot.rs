@@ -13,6 +13,7 @@ use graeco::scene::view::ViewRequest;
 use graeco::scene::{Environment, Scene, texture};
 use graeco::time::FrameRate;
 use graeco::trace::environment::Background;
+use graeco::trace::path::Caustics;
 
 impl ShotArgs {
     /// Reads the scene.
@@ -76,6 +77,7 @@ impl ShotArgs {
             filter: self.filter,
             texture_filter: self.texture_filter,
             bounces: self.bounces,
+            caustics: if self.caustics { Caustics::On } else { Caustics::Off },
         }
     }
 

@@ -145,6 +145,10 @@ pub(crate) struct ShotArgs {
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(0..=1024), help_heading = LIGHT)]
     pub(crate) bounces: u16,
 
+    /// Light from lamps that mirrors and glass focus onto other surfaces: found by chance, noisy
+    #[arg(long, help_heading = LIGHT)]
+    pub(crate) caustics: bool,
+
     /// Light from all around: an equirectangular picture (.hdr, .exr)
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "background", help_heading = LIGHT)]
     pub(crate) environment: Option<PathBuf>,

@@ -6,6 +6,7 @@ use crate::output::{FieldOrder, PixelAspect};
 use crate::scene::rig::Playback;
 use crate::scene::view::ViewRequest;
 use crate::time::{Exposure, FrameRate, Parity, Shutter, ShutterPhase};
+use crate::trace::path::Caustics;
 use crate::trace::texture::TextureFilter;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -64,6 +65,8 @@ pub struct Settings {
     pub texture_filter: TextureFilter,
     /// Diffuse and rough bounces after the first hit.
     pub bounces: u16,
+    /// Whether lamps light surfaces by way of mirrors and glass.
+    pub caustics: Caustics,
 }
 
 /// One exposure of a frame: which lines, when, over what.

@@ -174,7 +174,7 @@ impl<'a> Shot<'a> {
             let lights = Lights::build(self.scene, &stage, &self.materials, &self.environment);
             let parts =
                 Parts { scene: self.scene, stage: &stage, accel: &accel, materials: &self.materials, lights: &lights };
-            let tracer = PathTracer::new(parts, camera, self.settings.bounces);
+            let tracer = PathTracer::new(parts, camera, self.settings.bounces, self.settings.caustics);
             cost.build_s += started.elapsed().as_secs_f64();
             let started = Instant::now();
             let job =

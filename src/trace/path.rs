@@ -49,6 +49,21 @@ pub struct PathTracer<'a> {
     parts: Parts<'a>,
     camera: CameraRays,
     bounces: u16,
+    caustics: Caustics,
+}
+
+/// Whether lamps light surfaces by way of mirrors and glass.
+///
+/// Such light is found by chance alone, when a scattered ray happens to meet the lamp: a few samples carry all of it,
+/// and it takes thousands to even them out. Most renderers leave it out unless asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Caustics {
+    /// Left out. What surrounds the scene still shines through glass.
+    #[default]
+    Off,
+    /// Computed.
+    On,
 }
 
 /// A path as it grows from the camera.
@@ -66,6 +81,8 @@ struct Path {
     vertex: u16,
     bounces: u16,
     specular: u16,
+    /// Whether the ray comes from a rough surface by way of mirrors or glass: what lamps it meets makes caustics.
+    focused: bool,
     /// Whether the ray only looks for light that was sampled for already, and ends there.
     last: bool,
 }
@@ -73,8 +90,8 @@ struct Path {
 impl<'a> PathTracer<'a> {
     /// The image function of a prepared scene, with `bounces` diffuse and rough bounces after the first hit.
     #[must_use]
-    pub fn new(parts: Parts<'a>, camera: CameraRays, bounces: u16) -> Self {
-        Self { parts, camera, bounces }
+    pub fn new(parts: Parts<'a>, camera: CameraRays, bounces: u16, caustics: Caustics) -> Self {
+        Self { parts, camera, bounces, caustics }
     }
 
     /// Whether a surface with alpha is there for this path: with probability alpha, by a number that belongs to
@@ -189,6 +206,11 @@ impl PathTracer<'_> {
                     sum += radiance * power_heuristic(*pdf, light_pdf);
                 });
             }
+            None if path.focused && self.caustics == Caustics::Off => {
+                if t == f32::INFINITY {
+                    sum = lights.environment(ray.direction);
+                }
+            }
             None => {
                 sum = lights.spheres(ray.origin, ray.direction, t, ray.u_time);
                 if t == f32::INFINITY {
@@ -219,7 +241,7 @@ impl PathTracer<'_> {
             }
             return Next::End;
         }
-        if shading.emitted != Vec3::ZERO {
+        if shading.emitted != Vec3::ZERO && !(path.focused && self.caustics == Caustics::Off) {
             path.radiance += path.throughput * shading.emitted * self.emitter_weight(path, hit);
         }
         if path.last || shading.bsdf.is_black() {
@@ -286,6 +308,7 @@ impl PathTracer<'_> {
             Scatter::Specular => {
                 path.specular += 1;
                 path.scattered = None;
+                path.focused = path.bounces > 0;
             }
             Scatter::Rough => {
                 if path.bounces >= self.bounces {
@@ -295,6 +318,7 @@ impl PathTracer<'_> {
                     path.last = true;
                 }
                 path.bounces += 1;
+                path.focused = false;
                 path.scattered =
                     Some((LightQuery::new(surface, &shading.bsdf, path.ray.u_time), sample.pdf_solid_angle));
             }
@@ -326,6 +350,7 @@ impl ImageFunction for PathTracer<'_> {
             vertex: 0,
             bounces: 0,
             specular: 0,
+            focused: false,
             last: false,
         };
         self.follow(path, point)

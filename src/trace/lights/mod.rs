@@ -308,6 +308,12 @@ impl<'a> Lights<'a> {
         }
     }
 
+    /// Radiance of the environment alone along `wi`.
+    #[must_use]
+    pub fn environment(&self, wi: Vec3A) -> Vec3 {
+        self.environment.radiance(wi)
+    }
+
     /// Radiance from beyond all surfaces along `wi`: environment and the discs of suns, as mirrors and the camera see
     /// them.
     #[must_use]
