@@ -28,7 +28,7 @@ fn floats<const N: usize>(accessor: &gltf::Accessor<'_>, blob: &[u8]) -> Vec<[f3
     let flat: Vec<f32> =
         bytes(accessor, blob).chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
     assert!(flat.iter().all(|x| x.is_finite()));
-    flat.chunks_exact(N).map(|row| row.try_into().unwrap()).collect()
+    flat.chunks_exact(N).map(|row| row.try_into().expect("N floats")).collect()
 }
 
 /// An accessor's indices, in threes.

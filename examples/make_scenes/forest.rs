@@ -5,11 +5,11 @@ use super::canvas::Canvas;
 use super::colour::{lamp, srgb};
 use super::dice::Dice;
 use super::node::{Aperture, Eye, Place, facing};
-use super::paint::{Paint, array};
+use super::paint::Paint;
+use super::set::area_light;
 use super::shape::{Shape, direction};
 use super::track::{Run, Track, beats};
 use glam::{DAffine3, DQuat, DVec3};
-use serde_json::json;
 use std::f64::consts::TAU;
 
 /// Length, seconds, and how far the camera goes, metres.
@@ -35,7 +35,7 @@ pub(crate) fn make() -> Vec<u8> {
     let start = eye_at(0.0);
     let target = start + look(0.0);
     let eye = Eye::new(start.to_array(), target.to_array(), 42.0)
-        .lens(Aperture::Radius(0.035), (start + 5.5 * look(0.0).normalize()).to_array())
+        .lens(Aperture::Radius(0.02), (start + 5.5 * look(0.0).normalize()).to_array())
         .shutter(180.0);
     let camera = b.camera("camera", &eye);
     let times = beats(END, 12);
@@ -98,15 +98,8 @@ fn sky(b: &mut Builder) {
     // From inside: u runs the other way round.
     let dome = Shape::surface(32, 12, |u, v| 150.0 * direction(-u, 0.5 * v) - DVec3::Y * 6.0);
     b.put(Place::new("sky"), &dome, material);
-    let sun = facing(DVec3::new(0.75, -0.52, -0.55));
-    let hue = lamp(4300.0);
-    let light = json!({
-        "name": "sun",
-        "type": "directional",
-        "color": array(hue / hue.max_element()),
-        "intensity": 7.5,
-    });
-    b.light(Place::new("sun").turned(sun), light);
+    // A disc would shine no better than this square; the dome would hide a light at infinity.
+    area_light(b, "sun", [-98.0, 74.0, 72.0], [0.0, 0.0, -8.0], (9.0, 9.0), lamp(4300.0) * 1700.0);
 }
 
 /// Firs, birches and maples, each kind in three shapes.

@@ -76,7 +76,7 @@ fn layout() -> Vec<Ball> {
     let line = DVec2::new(0.42, -0.907_5).normalize();
     let nine = DVec2::new(0.085, -0.035);
     let cue = nine - line * (2.0 * RADIUS);
-    let (cue_velocity, nine_velocity) = (DVec2::new(-0.55, -1.9), DVec2::new(-2.5, -0.2));
+    let (cue_velocity, nine_velocity) = (DVec2::new(-0.38, -1.35), DVec2::new(-1.75, -0.14));
     // After the impact the 9 goes on to the 8, 0.10 of the exposure later, and the 8 to the 4, 0.38 later still.
     let jump = (nine_velocity - cue_velocity).dot(line);
     let nine_after = nine_velocity - jump * line;

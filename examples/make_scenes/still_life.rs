@@ -49,10 +49,10 @@ fn room(b: &mut Builder) {
     b.put(Place::new("dark room"), &rest.plain(), dark);
     for (i, z) in [-0.12, 0.50].into_iter().enumerate() {
         let centre = [-1.15, 0.62, z];
-        area_light(b, &format!("window {i}"), centre, [0.0, 0.05, z * 0.4], (0.5, 0.85), lamp(6800.0) * 7.5);
+        area_light(b, &format!("window {i}"), centre, [0.0, 0.05, z * 0.4], (0.5, 0.85), lamp(6800.0) * 13.0);
     }
-    area_light(b, "candle side", [1.5, 0.7, 0.9], [0.0, 0.1, 0.0], (0.4, 0.4), lamp(2700.0) * 3.0);
-    area_light(b, "ceiling", [0.2, 1.5, 0.7], [0.1, 0.0, 0.1], (1.2, 0.8), lamp(5000.0) * 0.8);
+    area_light(b, "candle side", [1.5, 0.7, 0.9], [0.0, 0.1, 0.0], (0.4, 0.4), lamp(2700.0) * 4.5);
+    area_light(b, "ceiling", [0.2, 1.5, 0.7], [0.1, 0.0, 0.1], (1.2, 0.8), lamp(5000.0) * 1.2);
 }
 
 /// A green bottle, a wine glass, an amber block.

@@ -51,7 +51,9 @@ const SHOULDER: f64 = HIP + 0.24;
 pub(crate) fn make() -> Vec<u8> {
     let mut b = Builder::default();
     stage(&mut b);
-    let walker = b.add(Place::new("walker").at(-0.5 * SPEED * END, 0.0, 0.0));
+    // He walks a little towards the camera, so that his eyes show.
+    let course = b.add(Place::new("course").turned(DQuat::from_rotation_y(-0.42)));
+    let walker = b.add(Place::new("walker").under(course).at(-0.5 * SPEED * END, 0.0, 0.0));
     let skeleton = skeleton(&mut b, walker);
     let order = joints(&skeleton);
     let bound: Vec<(Node, DAffine3)> = order
@@ -63,8 +65,8 @@ pub(crate) fn make() -> Vec<u8> {
     let mesh = figure(&mut b);
     let body = b.add(Place::new("figure").with(mesh).set("skin", skin));
     animate(&mut b, walker, body, &skeleton);
-    let eye = Eye::new([0.55, 0.62, 2.75], [0.05, 0.50, 0.0], 27.0)
-        .lens(Aperture::FStop(2.8), [0.0, 0.5, 0.15])
+    let eye = Eye::new([0.45, 0.62, 3.0], [0.0, 0.46, 0.0], 23.0)
+        .lens(Aperture::FStop(2.8), [0.0, 0.5, 0.1])
         .shutter(180.0);
     b.camera("camera", &eye);
     b.finish("walker")
@@ -223,6 +225,9 @@ fn arm(side: f64, first: u8) -> Shape {
     })
 }
 
+/// A leg at an instant: seconds; angles of thigh, shin and foot.
+type Pose = (f64, f64, f64, f64);
+
 /// Where an ankle is relative to the point below the hips: on the ground it runs back at the walking speed, then it
 /// swings forward. Also the foot's pitch.
 fn step(phase: f64) -> (DVec2, f64) {
@@ -275,13 +280,13 @@ fn animate(b: &mut Builder, walker: Node, figure: Node, s: &Skeleton) {
                 (t, thigh, shin, pitch)
             })
             .collect();
-        let track = |angle: &dyn Fn(&(f64, f64, f64, f64)) -> f64| {
+        let track = |angle: fn(&Pose) -> f64| {
             let keys: Vec<_> = poses.iter().map(|p| (p.0, spin(angle(p)))).collect();
             Track::rotation(Run::Cubic, &keys)
         };
-        b.animate(leg[0], &track(&|p| p.1));
-        b.animate(leg[1], &track(&|p| p.2 - p.1));
-        b.animate(leg[2], &track(&|p| p.3 - p.2));
+        b.animate(leg[0], &track(|p| p.1));
+        b.animate(leg[1], &track(|p| p.2 - p.1));
+        b.animate(leg[2], &track(|p| p.3 - p.2));
     }
     for (arm, sign) in s.arms.iter().zip([-1.0, 1.0]) {
         let swing = |t: f64, lag: f64| sign * libm::cos(TAU * t / CYCLE - lag);
@@ -318,7 +323,7 @@ fn stage(b: &mut Builder) {
         b.put(Place::new("block").at(x, 0.5 * h, -0.62), &block, plum);
     }
     b.put(Place::new("ball").at(-1.05, 0.15, -0.45), &Shape::ball(0.15, 64, 32).plain(), mustard);
-    area_light(b, "key", [-1.3, 2.2, 1.9], [0.0, 0.4, 0.0], (1.2, 1.2), lamp(4800.0) * 7.0);
-    area_light(b, "fill", [2.6, 1.3, 2.0], [0.0, 0.4, 0.0], (0.9, 1.8), lamp(8000.0) * 3.0);
-    area_light(b, "top", [0.0, 2.9, -0.8], [0.0, 0.0, -0.5], (3.0, 1.0), lamp(6200.0) * 2.4);
+    area_light(b, "key", [-1.3, 2.2, 1.9], [0.0, 0.4, 0.0], (1.2, 1.2), lamp(4800.0) * 12.5);
+    area_light(b, "fill", [2.6, 1.3, 2.0], [0.0, 0.4, 0.0], (0.9, 1.8), lamp(8000.0) * 5.5);
+    area_light(b, "top", [0.0, 2.9, -0.8], [0.0, 0.0, -0.5], (3.0, 1.0), lamp(6200.0) * 4.0);
 }
