@@ -65,9 +65,8 @@ pub(crate) fn make() -> Vec<u8> {
     let mesh = figure(&mut b);
     let body = b.add(Place::new("figure").with(mesh).set("skin", skin));
     animate(&mut b, walker, body, &skeleton);
-    let eye = Eye::new([0.45, 0.62, 3.0], [0.0, 0.46, 0.0], 23.0)
-        .lens(Aperture::FStop(2.8), [0.0, 0.5, 0.1])
-        .shutter(180.0);
+    let eye =
+        Eye::new([0.45, 0.62, 3.0], [0.0, 0.46, 0.0], 23.0).lens(Aperture::FStop(2.8), [0.0, 0.5, 0.1]).shutter(180.0);
     b.camera("camera", &eye);
     b.finish("walker")
 }
