@@ -233,7 +233,7 @@ fn skin(&Skin(number, code, striped): &Skin) -> Canvas {
         let flat = DVec2::new(p.x * p.z.signum(), p.y);
         if facing > 0.86 {
             if distance(&text, flat / 0.52) < 0.085 { ink } else { ivory }
-        } else if striped && p.y.abs() > 0.56 {
+        } else if striped && p.y.abs() > 0.66 {
             ivory
         } else {
             colour
