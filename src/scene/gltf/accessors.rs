@@ -73,6 +73,12 @@ impl Shape {
     }
 }
 
+/// Bytes from the first component of an element to its last; `None` for unknown types.
+pub(super) fn element_size(shape: &str, component_type: u64) -> Option<u64> {
+    let (shape, component) = (Shape::from_name(shape)?, Component::from_code(component_type)?);
+    Some((shape.column_step(component) * (shape.columns - 1) + shape.rows * component.size()) as u64)
+}
+
 /// How integers that are not marked as normalised become floats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Integers {

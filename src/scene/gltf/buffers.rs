@@ -63,6 +63,11 @@ impl Buffers {
         Ok(Self { buffers, decoded: RefCell::default() })
     }
 
+    /// Bytes in buffer `index`, if it could be read.
+    pub(super) fn length(&self, index: usize) -> Option<u64> {
+        self.buffers.get(index)?.as_ref().ok().map(|b| b.len() as u64)
+    }
+
     /// The bytes of buffer `index` from `offset`, `length` of them.
     pub(super) fn range(
         &self,

@@ -10,6 +10,7 @@
 mod accessors;
 mod animations;
 mod attributes;
+mod audit;
 mod buffers;
 mod cameras;
 mod container;
@@ -24,6 +25,8 @@ mod meshopt;
 mod nodes;
 mod schema;
 mod tangents;
+#[cfg(test)]
+mod tests;
 mod textures;
 mod uri;
 mod variants;
@@ -70,6 +73,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene> {
     let environment = lights_image_based::load(&ctx, &buffers)?;
     let (mut materials, wanted) = stock.materials.into_parts();
     let (textures, images) = wanted.decode(&ctx, &buffers, &mut materials)?;
+    audit::check(&ctx, &buffers);
     Ok(Scene {
         path: path.to_path_buf(),
         order: (0..stock.nodes.len()).collect(),

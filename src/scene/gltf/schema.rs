@@ -196,6 +196,7 @@ pub(super) struct PbrDef {
 pub(super) struct SkinDef {
     pub(super) name: String,
     pub(super) inverse_bind_matrices: Option<usize>,
+    pub(super) skeleton: Option<usize>,
     pub(super) joints: Vec<usize>,
 }
 
