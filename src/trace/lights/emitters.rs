@@ -9,11 +9,14 @@ use crate::scene::motion::segment_at;
 use crate::scene::{Scene, Stage};
 use crate::trace::bsdf::Materials;
 use crate::trace::surface::MAX_UV_SETS;
-use crate::trace::texture::Footprint;
+use crate::trace::texture::{ColorSpace, Footprint, mean};
 use glam::{Vec2, Vec3, Vec3A};
 
 /// The most pieces that one instance's texture is cut into, beyond one for each triangle.
 const MOST_PIECES: usize = 1 << 14;
+
+/// The least emission that a piece is chosen by, relative to the mean over its texture.
+const LEAST_SHARE: f32 = 0.02;
 
 /// One emissive triangle, or a piece of one.
 #[derive(Debug, Clone, Copy)]
@@ -139,11 +142,14 @@ impl Emitters {
         let times = key_times(stage, number);
         self.moving_instances += usize::from(times.len() > 1);
         let span = Span { first: self.list.len() as u32, cuts };
+        // A piece that looks black through its 16 points may still hold a bright texel: it keeps a small share.
+        let least = LEAST_SHARE * luminance(overall_emission(scene, mesh.material));
         for triangle in 0..mesh.triangles.len() as u32 {
             let poses: Vec<_> =
                 times.iter().map(|&t| (t, triangle_at(scene, stage, number as u32, triangle, t))).collect();
             for piece in Piece::all(cuts) {
-                let emission = luminance(mean_emission(scene, materials, mesh.material, triangle, mesh, piece));
+                let mean = mean_emission(scene, materials, mesh.material, triangle, mesh, piece);
+                let emission = luminance(mean).max(least);
                 self.list.push(Emitter { instance: number as u32, triangle, piece });
                 self.extents.push(extent_of(&poses, piece, emission, material.double_sided, &instance.motion));
             }
@@ -202,6 +208,16 @@ fn cuts_of(scene: &Scene, material: usize, triangles: usize) -> u16 {
     let texels = image.width as usize * image.height as usize;
     let pieces = (texels / 4).min(MOST_PIECES) / triangles;
     ((pieces as f32).sqrt() as u16).clamp(1, 128)
+}
+
+/// Mean emitted radiance over the whole texture.
+fn overall_emission(scene: &Scene, material: usize) -> Vec3 {
+    let material = &scene.materials[material];
+    let texture = material.emissive_texture.map(|reference| {
+        let image = &scene.images[scene.textures[reference.texture].image];
+        mean(image, ColorSpace::Srgb).truncate()
+    });
+    material.emissive * texture.unwrap_or(Vec3::ONE)
 }
 
 /// Mean emitted radiance over a piece: 16 points, each prefiltered over its share.
