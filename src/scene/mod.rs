@@ -29,7 +29,7 @@ pub use animation::{Animation, Channel, Interpolation, Property, Track};
 pub use camera::{Camera, Lens, Projection};
 pub use info::Info;
 pub use light::{Environment, Light, LightShape};
-pub use material::{AlphaMode, Material, TextureRef};
+pub use material::{AlphaMode, Material, Specular, TextureRef};
 pub use mesh::{Mesh, MorphTarget, SkinBinding};
 pub use motion::Motion;
 pub use node::{LocalTransform, Node, Skin};
@@ -99,12 +99,14 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Whether anything in the file gives light: a punctual light, an emissive surface that is placed, an environment.
+    /// Whether the file brings lamps of its own: a punctual light, an environment, or a surface that shines brighter
+    /// than white paper in full light, as only `KHR_materials_emissive_strength` allows. Emission up to 1 is paint:
+    /// glowing labels and displays that viewers show under their own light.
     #[must_use]
     pub fn has_light(&self) -> bool {
         let emits = |mesh: &MeshId| {
             let material = &self.materials[self.meshes[*mesh].material];
-            material.emissive.max_element() > 0.0 && !material.unlit
+            material.emissive.max_element() > 1.0 && !material.unlit
         };
         self.environment.is_some() || self.nodes.iter().any(|n| n.light.is_some() || n.meshes.iter().any(emits))
     }
