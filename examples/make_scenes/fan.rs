@@ -43,7 +43,7 @@ pub(crate) fn make() -> Vec<u8> {
     b.put(Place::new("cage").under(head), &cage().plain(), brass);
     spinner(&mut b, head, brass);
 
-    let eye = Eye::new([0.36, 0.43, 1.12], [0.0, 0.282, -0.02], 27.5)
+    let eye = Eye::new([0.36, 0.43, 1.12], [0.0, 0.266, -0.02], 29.0)
         .lens(Aperture::FStop(4.0), [0.0, 0.34, 0.05])
         .shutter(180.0);
     b.camera("camera", &eye);

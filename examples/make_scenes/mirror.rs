@@ -70,7 +70,7 @@ pub(crate) fn make() -> Vec<u8> {
         let knob = Shape::ball(0.03, 32, 16).plain();
         b.put(Place::new("knob").under(swivel).at(0.452 * x, MIDDLE, 0.0), &knob, gold);
     }
-    let eye = Eye::new([0.75, 1.05, 2.75], [-0.16, 0.66, 0.0], 34.0)
+    let eye = Eye::new([0.75, 1.05, 2.85], [-0.17, 0.61, 0.0], 36.5)
         .lens(Aperture::FStop(8.0), [0.0, 0.8, 0.2])
         .shutter(180.0);
     b.camera("camera", &eye);

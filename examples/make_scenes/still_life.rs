@@ -21,7 +21,7 @@ pub(crate) fn make() -> Vec<u8> {
     b.put(Place::new("chrome ball").at(-0.075, 0.032, 0.135), &Shape::ball(0.032, 64, 32).plain(), chrome);
     let lacquer = b.material(Paint::new("car paint", srgb(0xa80f1c)).metal(0.6).rough(0.45).lacquer(0.01));
     b.put(Place::new("lacquer ball").at(0.205, 0.042, 0.09), &Shape::ball(0.042, 64, 32).plain(), lacquer);
-    let pearl = b.material(Paint::new("soap pearl", srgb(0x202228)).rough(0.08).extension(
+    let pearl = b.material(Paint::new("soap pearl", srgb(0xb4aca6)).metal(1.0).rough(0.1).extension(
         "KHR_materials_iridescence",
         json!({ "iridescenceFactor": 1.0, "iridescenceIor": 1.45, "iridescenceThicknessMaximum": 420.0 }),
     ));
@@ -49,9 +49,9 @@ fn room(b: &mut Builder) {
     b.put(Place::new("dark room"), &rest.plain(), dark);
     for (i, z) in [-0.12, 0.50].into_iter().enumerate() {
         let centre = [-1.15, 0.62, z];
-        area_light(b, &format!("window {i}"), centre, [0.0, 0.05, z * 0.4], (0.5, 0.85), lamp(6800.0) * 13.0);
+        area_light(b, &format!("window {i}"), centre, [0.0, 0.05, z * 0.4], (0.56, 1.1), lamp(6800.0) * 9.5);
     }
-    area_light(b, "candle side", [1.5, 0.7, 0.9], [0.0, 0.1, 0.0], (0.4, 0.4), lamp(2700.0) * 4.5);
+    area_light(b, "candle side", [1.5, 0.7, 0.9], [0.0, 0.1, 0.0], (0.4, 0.4), lamp(2700.0) * 5.5);
     area_light(b, "ceiling", [0.2, 1.5, 0.7], [0.1, 0.0, 0.1], (1.2, 0.8), lamp(5000.0) * 1.2);
 }
 
