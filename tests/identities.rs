@@ -40,7 +40,7 @@ fn settings(runs: u32, bounces: u16) -> Settings {
 
 fn render(scene: &Scene, settings: &Settings, background: Background<'_>, frame: i64) -> Film {
     let surroundings = Surroundings { background, name: String::new() };
-    let mut shot = Shot::new(scene, settings, &surroundings).unwrap();
+    let mut shot = Shot::new(scene, settings, &surroundings, "").unwrap();
     shot.render(frame, &Progress::default()).unwrap().unwrap().film
 }
 

@@ -26,7 +26,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<String> {
     let scene = args.shot.load()?;
     let environment = args.shot.environment()?;
     let surroundings = args.shot.surroundings(&scene, environment.as_ref());
-    let shot = Shot::new(&scene, &settings, &surroundings)?;
+    let shot = Shot::new(&scene, &settings, &surroundings, "")?;
     let plans = shot.plan(args.frame)?;
     if args.json {
         let list: Vec<_> = plans

@@ -31,6 +31,16 @@ struct StatsLine {
 }
 
 impl RenderArgs {
+    /// What of the output changes the pixels of finished frame files.
+    fn finish(&self, destination: &Destination) -> String {
+        match destination {
+            Destination::Frames(pattern) if pattern.extension() == "png" => {
+                format!("{} {} {:?} {:?}", self.view, self.exposure, self.depth, self.fields)
+            }
+            _ => format!("{:?} {:?}", self.depth, self.fields),
+        }
+    }
+
     fn view(&self) -> View {
         View { transform: self.view, exposure_ev: self.exposure }
     }
@@ -109,7 +119,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let load_s = started.elapsed().as_secs_f64();
     let environment = args.shot.environment()?;
     let surroundings = args.shot.surroundings(&scene, environment.as_ref());
-    let mut shot = Shot::new(&scene, &settings, &surroundings)?;
+    let mut shot = Shot::new(&scene, &settings, &surroundings, &args.finish(&destination))?;
     let frames = args.frames.clone().unwrap_or_else(|| FrameList::of_animation(shot.span(), settings.rate));
     let reporter = Reporter::new(args.quiet, frames.frames().len());
     for warning in &scene.warnings {

@@ -192,7 +192,7 @@ fn parse_shutter(text: &str) -> Result<f64, String> {
     let part = value * scale;
     match part {
         p if !p.is_finite() || p < 0.0 => Err("an exposure cannot be negative or infinite".into()),
-        p if p > 1000.0 => Err(format!("{text} is {p} frame periods; write an angle as {text}deg")),
+        p if p > 16.0 => Err(format!("{text} is {p} periods long; an angle is written {text}deg")),
         p => Ok(p),
     }
 }

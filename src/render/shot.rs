@@ -73,11 +73,17 @@ pub struct Shot<'a> {
 }
 
 impl<'a> Shot<'a> {
-    /// Checks the settings against the scene and chooses the camera.
+    /// Checks the settings against the scene and chooses the camera. `finish` is what else changes the files' pixels,
+    /// such as a view transform: it goes into their record and its hash.
     ///
     /// # Errors
     /// If a camera, node or animation that the settings name does not exist, or a setting is out of range.
-    pub fn new(scene: &'a Scene, settings: &'a Settings, surroundings: &'a Surroundings<'a>) -> Result<Self> {
+    pub fn new(
+        scene: &'a Scene,
+        settings: &'a Settings,
+        surroundings: &'a Surroundings<'a>,
+        finish: &str,
+    ) -> Result<Self> {
         let mut rig = Rig::new(scene, &settings.playback)?;
         for (node, amount) in &settings.blur_scale {
             rig.set_blur(node_named(scene, node)?, *amount);
@@ -95,6 +101,9 @@ impl<'a> Shot<'a> {
         let mut record = serde_json::Map::new();
         record.insert("render".into(), json);
         record.insert("surroundings".into(), serde_json::Value::String(surroundings.name.clone()));
+        if !finish.is_empty() {
+            record.insert("finish".into(), serde_json::Value::String(finish.to_owned()));
+        }
         let record = Arc::new(Record::new(record.into(), &scene.hash, settings.sampling.seed));
         let filter = Filter::new(settings.filter);
         let materials = Materials::new(scene, settings.texture_filter);
