@@ -3,6 +3,13 @@
 //! Pictures are analytic functions of (x, y, t), sampled through the renderer's own footprint at each field's instant.
 //! Without ffmpeg the tests say that they are skipped; with GRAECO_REQUIRE_ALL=1 that is a failure.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    clippy::cast_possible_truncation,
+    reason = "a test: what fails should panic, what is skipped is said, values are small"
+)]
+
 use glam::{Vec2, Vec3};
 use graeco::film::{Film, Filter, FilterSpec, Footprint, Lines, PixelAccumulator};
 use graeco::output::video::{BitDepth, Container, Pulldown, Sampling, Standard, YuvOptions};

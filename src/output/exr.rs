@@ -92,13 +92,15 @@ fn image_attributes(picture: &Picture) -> ImageAttributes {
 #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "the format's own types; windows fit")]
 fn layer_attributes(picture: &Picture) -> Result<LayerAttributes> {
     let meta = &picture.metadata;
-    let mut attributes = LayerAttributes::default();
-    attributes.layer_position = Vec2(picture.window.x as i32, picture.window.y as i32);
-    attributes.screen_window_width = 1.0;
     let (frames, seconds) = meta.rate.parts();
-    attributes.frames_per_second = Some((frames as i32, seconds));
-    attributes.exposure = Some(meta.exposure.duration() as f32);
-    attributes.software_name = Text::new_or_none(&meta.record.program);
+    let mut attributes = LayerAttributes {
+        layer_position: Vec2(picture.window.x as i32, picture.window.y as i32),
+        screen_window_width: 1.0,
+        frames_per_second: Some((frames as i32, seconds)),
+        exposure: Some(meta.exposure.duration() as f32),
+        software_name: Text::new_or_none(&meta.record.program),
+        ..LayerAttributes::default()
+    };
     let fields = serde_json::to_string(&meta.order)
         .map_err(|error| Error::invalid("field order", format!("cannot be stored: {error}")))?;
     for (name, value) in [

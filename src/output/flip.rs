@@ -69,12 +69,8 @@ fn exposures(reference: &[[f64; 3]]) -> Vec<f64> {
         reference.iter().map(|rgb| 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]).collect();
     luminances.sort_by(f64::total_cmp);
     let Some(&brightest) = luminances.last().filter(|&&brightest| brightest > 0.0) else { return vec![0.0] };
-    let middle = luminances.len() / 2;
-    let median = if luminances.len() % 2 == 0 {
-        0.5 * (luminances[middle - 1] + luminances[middle])
-    } else {
-        luminances[middle]
-    };
+    // Of an even number of pixels the brighter of the middle two, as in the authors' program.
+    let median = luminances[luminances.len() / 2];
     let [k0, k1, k3, k4, k5] = ACES;
     let (c0, c1) = ((k1 - k4 * SHOWN) / (k0 - k3 * SHOWN), -k5 * SHOWN / (k0 - k3 * SHOWN));
     let x = -0.5 * c0 + (0.25 * c0 * c0 - c1).sqrt();
@@ -269,6 +265,34 @@ mod tests {
             let back = linear_from_opponent(opponent_from_linear(rgb));
             for (a, b) in rgb.into_iter().zip(back) {
                 assert!((a - b).abs() < 1e-7, "{rgb:?} {back:?}");
+            }
+        }
+    }
+
+    /// Means and single pixels of the authors' own program (flip-evaluator 1.7, in f32) on the same pictures.
+    #[test]
+    fn errors_are_those_of_the_authors_program() {
+        let codes = |second: bool| -> Vec<[f64; 3]> {
+            let places = (0..24_u32).flat_map(|y| (0..32_u32).map(move |x| (x, y)));
+            let (step, shift) = if second { (13, 4) } else { (11, 0) };
+            places.map(|(x, y)| [x * 37 + y * step, x * 8 + shift, y * 10].map(|code| f64::from(code % 256))).collect()
+        };
+        let (reference, test) = (codes(false), codes(true));
+        let display = |picture: &[[f64; 3]]| -> Vec<[f64; 3]> {
+            picture.iter().map(|rgb| rgb.map(|code| super::super::view::linear_from_srgb(code / 255.0))).collect()
+        };
+        let scene = |picture: &[[f64; 3]]| -> Vec<[f64; 3]> {
+            picture.iter().map(|rgb| rgb.map(|code| (code / 64.0) * (code / 64.0))).collect()
+        };
+        let low = ldr(&display(&test), &display(&reference), 32);
+        let high = hdr(&scene(&test), &scene(&reference), 32);
+        for (errors, mean, pixels) in [
+            (low, 0.222_830_25, [0.070_382_15, 0.060_193_98, 0.146_971_18, 0.350_864_44]),
+            (high, 0.242_278_95, [0.089_546_97, 0.217_924_77, 0.267_760_52, 0.428_393_57]),
+        ] {
+            assert!((errors.iter().sum::<f64>() / 768.0 - mean).abs() < 1e-6, "{mean}");
+            for (index, wanted) in [0, 100, 400, 767].into_iter().zip(pixels) {
+                assert!((errors[index] - wanted).abs() < 2e-6, "{index}: {} {wanted}", errors[index]);
             }
         }
     }

@@ -133,7 +133,7 @@ fn read_exr(path: &Path) -> Result<Loaded> {
     };
     let rgb = red.into_iter().zip(green).zip(blue).map(|((r, g), b)| [r, g, b]).collect();
     let text = |name: &str| {
-        layer.attributes.other.iter().find(|(key, _)| key.to_string() == name).and_then(|(_, value)| match value {
+        layer.attributes.other.iter().find(|(key, _)| **key == *name).and_then(|(_, value)| match value {
             AttributeValue::Text(text) => Some(text.to_string()),
             _ => None,
         })

@@ -94,7 +94,7 @@ pub enum Cadence {
 #[derive(Debug)]
 pub enum OutputTarget {
     /// A file a frame.
-    Frames(FrameFiles),
+    Frames(Box<FrameFiles>),
     /// One stream, for a pipe, a file or ffmpeg.
     Stream(Box<Stream>),
 }
@@ -154,7 +154,7 @@ impl OutputTarget {
             return Err(Error::invalid(format!("output \"{pattern}\""), format!("expected the extension .{wanted}")));
         }
         file::make_folder_of(&pattern.path(0))?;
-        Ok(Self::Frames(FrameFiles { pattern, format, fields, earlier: None }))
+        Ok(Self::Frames(Box::new(FrameFiles { pattern, format, fields, earlier: None })))
     }
 
     /// YUV4MPEG2 into `pipe`, such as standard output.

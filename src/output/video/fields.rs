@@ -6,7 +6,7 @@ use crate::{Error, Result};
 
 /// The parity of line `line` of a frame.
 const fn parity_of(line: u32) -> Parity {
-    if line % 2 == 0 { Parity::Top } else { Parity::Bottom }
+    if line.is_multiple_of(2) { Parity::Top } else { Parity::Bottom }
 }
 
 /// The other one.

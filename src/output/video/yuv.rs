@@ -243,7 +243,7 @@ impl Instants {
     }
 
     fn at(&self, line: u32) -> i64 {
-        let parity = if line % 2 == 0 { Parity::Top } else { Parity::Bottom };
+        let parity = if line.is_multiple_of(2) { Parity::Top } else { Parity::Bottom };
         self.first.wrapping_add(i64::from(self.order.is_some_and(|first| first != parity)))
     }
 }
