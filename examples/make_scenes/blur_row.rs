@@ -68,7 +68,7 @@ pub(crate) fn make() -> Vec<u8> {
     area_light(&mut b, "key", [-1.7, 2.6, 1.9], [0.0, 0.3, 0.0], (2.4, 2.4), lamp(4800.0) * 3.6);
     area_light(&mut b, "fill", [3.0, 1.4, 2.2], [0.0, 0.3, 0.0], (1.8, 2.6), lamp(8000.0) * 1.9);
     area_light(&mut b, "top", [0.0, 3.2, -0.4], [0.0, 0.0, -0.2], (5.0, 2.0), lamp(6000.0) * 1.4);
-    let eye = Eye::new([0.0, 0.95, 3.9], [0.0, 0.26, 0.0], 23.5).shutter(180.0);
+    let eye = Eye::new([0.0, 0.95, 3.9], [0.0, 0.19, 0.0], 24.5).shutter(180.0);
     b.camera("camera", &eye);
     b.finish("blur row")
 }

@@ -54,8 +54,8 @@ pub(crate) fn make() -> Vec<u8> {
     };
     // A low sun from the left, a lamp behind the stairs, a spot on the ball.
     let sun = super::node::facing(DVec3::new(0.85, -0.75, -0.55));
-    b.light(Place::new("sun").turned(sun), light("directional", 4800.0, 2.6));
-    b.light(Place::new("lamp").at(-0.35, 1.5, -1.1), light("point", 3000.0, 3.2));
+    b.light(Place::new("sun").turned(sun), light("directional", 5200.0, 3.8));
+    b.light(Place::new("lamp").at(-0.35, 1.5, -1.1), light("point", 3600.0, 2.4));
     let mut spot = light("spot", 8000.0, 10.0);
     spot["spot"] = json!({ "innerConeAngle": 0.17, "outerConeAngle": 0.27 });
     let aim = super::node::facing(DVec3::new(0.6, 0.15, 0.2) - DVec3::new(2.2, 2.4, 1.9));

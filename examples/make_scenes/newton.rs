@@ -20,9 +20,9 @@ const RAIL: f64 = 0.215;
 const SPREAD: f64 = 0.065;
 /// The greatest deflection, radians.
 const SWING: f64 = 0.62;
-/// Seconds of a full period; a small-angle pendulum of this length takes 0.777 s, and one that swings 0.62 rad
-/// 2.5 % more: 0.796 s. Rounded, so that two periods close the loop in 39 frames at 24 a second less one.
-const PERIOD: f64 = 0.8;
+/// Seconds of a full period: 19 frames at 24 a second, so that two periods loop and the impacts of frames 14 and 33 fall
+/// into the middle of a 180-degree exposure. A real pendulum of this length and swing takes 0.796 s, 0.5 % more.
+const PERIOD: f64 = 19.0 / 24.0;
 
 pub(crate) fn make() -> Vec<u8> {
     let mut b = Builder::default();

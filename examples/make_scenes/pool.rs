@@ -35,8 +35,8 @@ struct Ball {
     place: DVec2,
     velocity: DVec2,
     rotation: DQuat,
-    /// Yaw, pitch and roll, degrees, of its number towards the camera when the hero frame opens.
-    pose: [f64; 3],
+    /// Yaw, pitch and roll, degrees, of its number towards the camera; and when, in quarters of the hero frame.
+    pose: [f64; 4],
     places: Vec<(f64, DVec3)>,
     rotations: Vec<(f64, DQuat)>,
 }
@@ -94,12 +94,12 @@ fn layout() -> Vec<Ball> {
         rotations: Vec::new(),
     };
     vec![
-        at(Skin(1, 0xf0b514, false), DVec2::new(-0.118, 0.072), DVec2::ZERO, [8.0, -38.0, 8.0]),
-        at(Skin(9, 0xf0b514, true), nine - nine_velocity * impact, nine_velocity, [20.0, -25.0, -25.0]),
-        at(Skin(8, 0x0d0d10, false), eight, DVec2::ZERO, [10.0, -30.0, -12.0]),
-        at(Skin(4, 0x4a2583, false), four, DVec2::ZERO, [-5.0, -35.0, 20.0]),
-        at(Skin(2, 0x17409c, false), DVec2::new(0.165, -0.175), DVec2::ZERO, [-20.0, -35.0, -15.0]),
-        at(Skin(0, 0xf1e9d2, false), cue - cue_velocity * impact, cue_velocity, [0.0, -30.0, 0.0]),
+        at(Skin(1, 0xf0b514, false), DVec2::new(-0.118, 0.072), DVec2::ZERO, [8.0, -38.0, 8.0, 0.0]),
+        at(Skin(9, 0xf0b514, true), nine - nine_velocity * impact, nine_velocity, [5.0, -38.0, -8.0, 3.0]),
+        at(Skin(8, 0x0d0d10, false), eight, DVec2::ZERO, [10.0, -30.0, -12.0, 0.0]),
+        at(Skin(4, 0x4a2583, false), four, DVec2::ZERO, [-5.0, -35.0, 20.0, 0.0]),
+        at(Skin(2, 0x17409c, false), DVec2::new(0.165, -0.175), DVec2::ZERO, [-20.0, -35.0, -15.0, 0.0]),
+        at(Skin(0, 0xf1e9d2, false), cue - cue_velocity * impact, cue_velocity, [0.0, -30.0, 0.0, 0.0]),
     ]
 }
 
@@ -203,12 +203,15 @@ fn record(balls: &mut [Ball], time: f64) {
     }
 }
 
-/// Turns every ball's whole path so that its number shows when the hero frame opens; balls that never move keep one key.
+/// Turns every ball's whole path so that its number shows at its instant; balls that never move keep one key.
 fn pose(balls: &mut [Ball]) {
     for ball in balls {
-        let [yaw, pitch, roll] = ball.pose.map(f64::to_radians);
+        let [yaw, pitch, roll, quarter] = ball.pose;
+        let [yaw, pitch, roll] = [yaw, pitch, roll].map(f64::to_radians);
+        // A quarter of the frame is a tick: there is a key at that very instant.
+        let instant = HERO + 0.25 * quarter * EXPOSURE;
         let wanted = DQuat::from_rotation_y(yaw) * DQuat::from_rotation_x(pitch) * DQuat::from_rotation_z(roll);
-        let shown = ball.rotations.iter().rev().find(|(t, _)| *t <= HERO + 1e-9).map_or(DQuat::IDENTITY, |r| r.1);
+        let shown = ball.rotations.iter().rev().find(|(t, _)| *t <= instant + 1e-9).map_or(DQuat::IDENTITY, |r| r.1);
         for (_, rotation) in &mut ball.rotations {
             *rotation = (*rotation * shown.inverse() * wanted).normalize();
         }
