@@ -58,11 +58,7 @@ impl Embree {
         self.from.read_line(&mut line).unwrap();
         let mut words = line.split_whitespace();
         let mut word = || words.next().unwrap();
-        Run {
-            seconds: word().parse().unwrap(),
-            hits: word().parse().unwrap(),
-            sum: word().parse().unwrap(),
-        }
+        Run { seconds: word().parse().unwrap(), hits: word().parse().unwrap(), sum: word().parse().unwrap() }
     }
 }
 
@@ -153,7 +149,7 @@ fn median(values: &mut [f64]) -> f64 {
 }
 
 #[allow(clippy::cast_precision_loss, reason = "counts of rays and bytes")]
-fn compare(case: &Case, program: Option<&Path>, config: &str, folder: &Path, repeats: usize) {
+fn compare(case: &Case, program: Option<&Path>, config: &str, folder: &Path, repeats: usize, most_threads: usize) {
     let (scene, stage) = case.stage();
     drop(Accel::build(&scene, &stage, None));
     let accel = Accel::build(&scene, &stage, None);
@@ -184,7 +180,7 @@ fn compare(case: &Case, program: Option<&Path>, config: &str, folder: &Path, rep
     );
     println!("| rays | threads | ours Mrays/s | Embree Mrays/s | ratio | hits differ | distances differ |");
     println!("|---|---|---|---|---|---|---|");
-    for threads in [1, 2] {
+    for threads in 1..=most_threads {
         for (name, goal, set) in KINDS {
             let rays = &sets[set];
             let (mut mine, mut theirs, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
@@ -217,6 +213,7 @@ fn main() {
     let value = |key: &str| arguments.iter().find_map(|a| a.strip_prefix(&format!("--{key}=")).map(str::to_owned));
     let program = value("embree").map(PathBuf::from);
     let repeats = value("repeats").and_then(|r| r.parse().ok()).unwrap_or(7);
+    let threads = value("threads").and_then(|r| r.parse().ok()).unwrap_or(2);
     let only = value("only").unwrap_or_default();
     let folder = tempfile::tempdir().unwrap();
     type Maker = fn() -> Case;
@@ -232,7 +229,7 @@ fn main() {
     ];
     for (key, config, make) in cases {
         if only.is_empty() || only.split(',').any(|o| o == key) {
-            compare(&make(), program.as_deref(), config, folder.path(), repeats);
+            compare(&make(), program.as_deref(), config, folder.path(), repeats, threads);
         }
     }
 }

@@ -275,7 +275,14 @@ pub fn hall(name: &'static str) -> Case {
         all.append(&Shape { triangles: faces.clone(), keys: vec![key] });
     }
     let placed = vec![Placed { shape: 0, keys: vec![Affine3A::IDENTITY] }];
-    Case { name, shapes: vec![all], placed, turns: false, eye: Vec3::new(3.0, 5.0, -40.0), target: Vec3::new(0.0, 4.0, 0.0) }
+    Case {
+        name,
+        shapes: vec![all],
+        placed,
+        turns: false,
+        eye: Vec3::new(3.0, 5.0, -40.0),
+        target: Vec3::new(0.0, 4.0, 0.0),
+    }
 }
 
 /// Grass: 400 000 slender blades of two triangles over the terrain.
@@ -285,7 +292,12 @@ pub fn meadow(name: &'static str) -> Case {
     let ground = all.keys[0].clone();
     let mut dice = Dice::new(5);
     for _ in 0..400_000 {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "an index")]
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            clippy::cast_precision_loss,
+            reason = "an index"
+        )]
         let foot = ground[(dice.unit() * ground.len() as f32) as usize]
             + Vec3::new(dice.between(-0.06, 0.06), 0.0, dice.between(-0.06, 0.06));
         let lean = dice.direction() * 0.15;
@@ -295,7 +307,14 @@ pub fn meadow(name: &'static str) -> Case {
         all.append(&Shape { triangles: vec![[0, 1, 2], [0, 2, 3]], keys: vec![points] });
     }
     let placed = vec![Placed { shape: 0, keys: vec![Affine3A::IDENTITY] }];
-    Case { name, shapes: vec![all], placed, turns: false, eye: Vec3::new(2.0, 3.0, -19.0), target: Vec3::new(0.0, 0.0, 0.0) }
+    Case {
+        name,
+        shapes: vec![all],
+        placed,
+        turns: false,
+        eye: Vec3::new(2.0, 3.0, -19.0),
+        target: Vec3::new(0.0, 0.0, 0.0),
+    }
 }
 
 impl Case {

@@ -13,6 +13,7 @@ mod block;
 mod body;
 mod collapse;
 mod frame;
+mod isa;
 mod linear;
 mod node;
 mod resolve;
@@ -37,7 +38,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Instant;
 use top::{Place, Pose, Structures, Top};
-use walk::{Found, Goal, Query, WORLD};
+use walk::{Found, Query, WORLD};
 use world::{PartKey, World};
 
 /// What a build made, and what it cost.
@@ -109,8 +110,11 @@ enum Kernel {
 impl Kernel {
     fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            return Self::Avx2;
+        {
+            use std::arch::is_x86_feature_detected as has;
+            if has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt") {
+                return Self::Avx2;
+            }
         }
         Self::Portable
     }
@@ -119,13 +123,8 @@ impl Kernel {
 /// [`top::search`] compiled for processors with AVX2.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-fn search_avx2(all: &Structures<'_>, ray: &Ray, goal: Goal, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
-    top::search(all, ray, goal, query, stack)
-}
-
-/// [`top::search`] compiled for any processor.
-fn search_portable(all: &Structures<'_>, ray: &Ray, goal: Goal, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
-    top::search(all, ray, goal, query, stack)
+fn search_avx2<const ANY: bool>(all: &Structures<'_>, ray: &Ray, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
+    top::search::<isa::Avx2, ANY>(all, ray, query, stack)
 }
 
 /// Entries of a stack that is kept on the machine's own; deeper trees (none was seen) get one on the heap.
@@ -221,29 +220,28 @@ impl Accel {
     /// at the back of a single-sided surface is the ray's choice ([`Ray::backs`]).
     #[must_use]
     pub fn closest(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> Option<Hit> {
-        let (_, found) = self.run(ray, Goal::Closest, &|found| accept(&self.hit(found)));
+        let (_, found) = self.run::<false>(ray, &|found| accept(&self.hit(found)));
         found.map(|f| self.hit(&f))
     }
 
     /// Whether anything accepted lies at 0 < t ≤ `ray.t_max`.
     #[must_use]
     pub fn occluded(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> bool {
-        self.run(ray, Goal::Any, &|found| accept(&self.hit(found))).0
+        self.run::<true>(ray, &|found| accept(&self.hit(found))).0
     }
 
-    fn run(&self, ray: &Ray, goal: Goal, accept: &dyn Fn(&Found) -> bool) -> (bool, Option<Found>) {
+    fn run<const ANY: bool>(&self, ray: &Ray, accept: &dyn Fn(&Found) -> bool) -> (bool, Option<Found>) {
         if self.stack <= SMALL_STACK {
-            self.run_on(ray, goal, accept, &mut [0; SMALL_STACK])
+            self.run_on::<ANY>(ray, accept, &mut [0; SMALL_STACK])
         } else {
-            self.run_on(ray, goal, accept, &mut vec![0; self.stack])
+            self.run_on::<ANY>(ray, accept, &mut vec![0; self.stack])
         }
     }
 
     #[allow(unsafe_code, reason = "the only way to call code compiled for a processor feature found at run time")]
-    fn run_on(
+    fn run_on<const ANY: bool>(
         &self,
         ray: &Ray,
-        goal: Goal,
         accept: &dyn Fn(&Found) -> bool,
         stack: &mut [u64],
     ) -> (bool, Option<Found>) {
@@ -258,11 +256,10 @@ impl Accel {
         let mut query = Query { limit: ray.t_max, found: None, skips, accept, precedes: &precedes };
         let all = Structures { world: self.world.as_deref(), places: &self.places, top: &self.top };
         let stopped = match self.kernel {
-            Kernel::Portable => search_portable(&all, ray, goal, &mut query, stack),
-            // SAFETY: `Kernel::Avx2` is only made by `Kernel::detect`, after the processor was asked; every processor
-            // with AVX2 has the other features.
+            Kernel::Portable => top::search::<isa::Portable, ANY>(&all, ray, &mut query, stack),
+            // SAFETY: `Kernel::Avx2` is only made by `Kernel::detect`, after the processor was asked.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => unsafe { search_avx2(&all, ray, goal, &mut query, stack) },
+            Kernel::Avx2 => unsafe { search_avx2::<ANY>(&all, ray, &mut query, stack) },
         };
         (stopped, query.found)
     }

@@ -3,12 +3,13 @@
 use super::body::{Body, Form};
 use super::collapse::{self, BLOCK, LeafRule, NO_TRIANGLE, Shape};
 use super::frame::RayFrame;
+use super::isa::Isa;
 use super::linear::{Aabb, LinearBox};
 use super::node::{MovingNode, StillNode, WideNode};
 use super::sweep::swept;
 use super::topology::{self, Reference};
 use super::tree::Nodes;
-use super::walk::{Goal, Query, WORLD, walk, walk_triangles};
+use super::walk::{Query, Visit, WORLD, walk};
 use super::world::World;
 use crate::scene::Motion;
 use crate::scene::motion::segment_at;
@@ -202,47 +203,67 @@ pub(super) struct Structures<'a> {
     pub(super) top: &'a Top,
 }
 
-/// Walks everything. Returns whether a hit stopped it ([`Goal::Any`] only).
-#[inline(always)]
-pub(super) fn search(all: &Structures<'_>, ray: &Ray, goal: Goal, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
-    let in_world = |query: &mut Query<'_>, stack: &mut [u64]| -> bool {
-        let Some(world) = all.world else { return false };
+impl Structures<'_> {
+    #[inline(always)]
+    fn walk_world<I: Isa, const ANY: bool>(&self, ray: &Ray, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
+        let Some(world) = self.world else { return false };
         let frame = RayFrame::new(ray.origin, ray.direction, &world.tree.nodes.bounds);
-        walk_triangles(&world.tree, &frame, 0.0, WORLD, goal, query, stack)
-    };
-    let in_item = |item: u32, query: &mut Query<'_>, stack: &mut [u64]| -> bool {
+        I::walk_still::<ANY>(&world.tree, &frame, WORLD, query, stack)
+    }
+}
+
+/// Places as leaves.
+struct Places<'a, I, const ANY: bool> {
+    all: &'a Structures<'a>,
+    items: &'a [u32],
+    ray: &'a Ray,
+    isa: std::marker::PhantomData<I>,
+}
+
+impl<I: Isa, const ANY: bool> Visit for Places<'_, I, ANY> {
+    #[inline(always)]
+    fn visit(&self, leaf: u32, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
+        let item = self.items[leaf as usize];
         if item == WORLD {
-            return in_world(query, stack);
+            return self.all.walk_world::<I, ANY>(self.ray, query, stack);
         }
-        let place = &all.places[item as usize];
-        let Some((origin, direction)) = place.enter(ray) else { return false };
+        let place = &self.all.places[item as usize];
+        let Some((origin, direction)) = place.enter(self.ray) else { return false };
         match &place.body.form {
             Form::Still(tree) => {
                 let frame = RayFrame::new(origin, direction, &tree.nodes.bounds);
-                walk_triangles(tree, &frame, 0.0, item, goal, query, stack)
+                I::walk_still::<ANY>(tree, &frame, item, query, stack)
             }
             Form::Moving(deforming) => {
-                let (segment, f) = segment_at(&deforming.times, ray.u_time);
+                let (segment, f) = segment_at(&deforming.times, self.ray.u_time);
                 let tree = &deforming.segments[segment];
                 let frame = RayFrame::new(origin, direction, &tree.nodes.bounds);
-                walk_triangles(tree, &frame, f, item, goal, query, stack)
+                I::walk_moving::<ANY>(tree, &frame, f, item, query, stack)
             }
         }
-    };
+    }
+}
+
+/// Walks everything. Returns whether a hit ended it (`ANY` only).
+#[inline(always)]
+pub(super) fn search<I: Isa, const ANY: bool>(
+    all: &Structures<'_>,
+    ray: &Ray,
+    query: &mut Query<'_>,
+    stack: &mut [u64],
+) -> bool {
     match all.top {
-        Top::World => in_world(query, stack),
+        Top::World => all.walk_world::<I, ANY>(ray, query, stack),
         Top::Still(top) => {
             let frame = RayFrame::new(ray.origin, ray.direction, &top.nodes.bounds);
-            walk(&top.nodes, &frame, 0.0, goal, query, stack, |leaf, query, stack| {
-                in_item(top.items[leaf as usize], query, stack)
-            })
+            let places = Places::<I, ANY> { all, items: &top.items, ray, isa: std::marker::PhantomData };
+            walk::<I, _, _, ANY>(&top.nodes, &frame, 0.0, &places, query, stack)
         }
         Top::Moving(slabs) => {
             let (top, f) = slab_at(slabs, ray.u_time);
             let frame = RayFrame::new(ray.origin, ray.direction, &top.nodes.bounds);
-            walk(&top.nodes, &frame, f, goal, query, stack, |leaf, query, stack| {
-                in_item(top.items[leaf as usize], query, stack)
-            })
+            let places = Places::<I, ANY> { all, items: &top.items, ray, isa: std::marker::PhantomData };
+            walk::<I, _, _, ANY>(&top.nodes, &frame, f, &places, query, stack)
         }
     }
 }

@@ -3,17 +3,9 @@
 use super::block::{Block, Candidate, decide, tag, test};
 use super::collapse::LEAF;
 use super::frame::RayFrame;
+use super::isa::Isa;
 use super::node::WideNode;
 use super::tree::{Nodes, Tree};
-
-/// What a walk is after.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Goal {
-    /// The nearest hit.
-    Closest,
-    /// Whether there is any hit.
-    Any,
-}
 
 /// A hit by the names that the structure uses.
 #[derive(Debug, Clone, Copy)]
@@ -62,26 +54,32 @@ impl Query<'_> {
     }
 }
 
-/// Walks `nodes`; `leaf` is called with a leaf's index and says whether to stop. Returns whether it was stopped.
+/// What a walk does at a leaf. A trait and not a closure: its method is compiled into the loop that calls it, with the
+/// loop's processor features.
+pub(super) trait Visit {
+    /// Visits leaf `leaf`; `stack` is free for its use. Returns whether the walk is over.
+    fn visit(&self, leaf: u32, query: &mut Query<'_>, stack: &mut [u64]) -> bool;
+}
+
+/// Walks `nodes` front to back (or, for any hit, the likeliest child first). Returns whether `leaves` ended it.
 #[inline(always)]
-pub(super) fn walk<N: WideNode>(
+pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
     nodes: &Nodes<N>,
     ray: &RayFrame,
     time: f32,
-    goal: Goal,
+    leaves: &V,
     query: &mut Query<'_>,
     stack: &mut [u64],
-    mut leaf: impl FnMut(u32, &mut Query<'_>, &mut [u64]) -> bool,
 ) -> bool {
     let mut waiting = 0;
     let mut current = nodes.root;
-    if nodes.nodes.is_empty() && current & LEAF == 0 || nodes.bounds.is_empty() {
+    if nodes.bounds.is_empty() {
         return false;
     }
     loop {
         if current & LEAF == 0 {
             let node = &nodes.nodes[current as usize];
-            let opened = node.open(ray, time, query.limit);
+            let opened = node.open::<I>(ray, time, query.limit);
             let mut mask = opened.mask;
             if mask != 0 {
                 let children = node.children();
@@ -92,7 +90,7 @@ pub(super) fn walk<N: WideNode>(
                     continue;
                 }
                 let key = |child: usize| u64::from(opened.near.0[child].to_bits()) << 32 | u64::from(children[child]);
-                if goal == Goal::Any {
+                if ANY {
                     current = children[first];
                     while mask != 0 {
                         // The least likely child goes in first.
@@ -117,8 +115,7 @@ pub(super) fn walk<N: WideNode>(
                 continue;
             }
         } else {
-            let rest = &mut stack[waiting..];
-            if leaf(current & !LEAF, query, rest) {
+            if leaves.visit(current & !LEAF, query, &mut stack[waiting..]) {
                 return true;
             }
         }
@@ -128,7 +125,7 @@ pub(super) fn walk<N: WideNode>(
             }
             waiting -= 1;
             let key = stack[waiting];
-            if goal == Goal::Any || f32::from_bits(lower_half(key >> 32)) <= query.limit {
+            if ANY || f32::from_bits(lower_half(key >> 32)) <= query.limit {
                 current = lower_half(key);
                 break;
             }
@@ -153,32 +150,45 @@ fn insert(stack: &mut [u64], from: usize, to: usize, key: u64) {
     stack[at] = key;
 }
 
-/// Walks a tree of triangles in space `space`. Returns whether the walk was stopped by a hit ([`Goal::Any`] only).
-#[inline(always)]
-pub(super) fn walk_triangles<N: WideNode, B: Block>(
-    tree: &Tree<N, B>,
-    ray: &RayFrame,
+/// The triangles of a tree as leaves.
+struct Triangles<'a, B, const ANY: bool> {
+    blocks: &'a [B],
+    ray: &'a RayFrame,
     time: f32,
     space: u32,
-    goal: Goal,
-    query: &mut Query<'_>,
-    stack: &mut [u64],
-) -> bool {
-    walk(&tree.nodes, ray, time, goal, query, stack, |leaf, query, _| {
-        let block = &tree.blocks[leaf as usize];
-        let corners = block.corners(time);
-        let hits = test(&corners, ray, query.limit);
+}
+
+impl<B: Block, const ANY: bool> Visit for Triangles<'_, B, ANY> {
+    #[inline(always)]
+    fn visit(&self, leaf: u32, query: &mut Query<'_>, _: &mut [u64]) -> bool {
+        let block = &self.blocks[leaf as usize];
+        let corners = block.corners(self.time);
+        let hits = test(&corners, self.ray, query.limit);
         let mut mask = hits.mask;
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize & 3;
             mask &= mask - 1;
-            if let Some(candidate) = decide(&corners, &hits, lane, ray, query.limit)
-                && query.offer(candidate, block.ids()[lane], space)
-                && goal == Goal::Any
+            if let Some(candidate) = decide(&corners, &hits, lane, self.ray, query.limit)
+                && query.offer(candidate, block.ids()[lane], self.space)
+                && ANY
             {
                 return true;
             }
         }
         false
-    })
+    }
+}
+
+/// Walks a tree of triangles in space `space`. Returns whether a hit ended the walk (`ANY` only).
+#[inline(always)]
+pub(super) fn walk_triangles<I: Isa, N: WideNode, B: Block, const ANY: bool>(
+    tree: &Tree<N, B>,
+    ray: &RayFrame,
+    time: f32,
+    space: u32,
+    query: &mut Query<'_>,
+    stack: &mut [u64],
+) -> bool {
+    let leaves = Triangles::<B, ANY> { blocks: &tree.blocks, ray, time, space };
+    walk::<I, N, _, ANY>(&tree.nodes, ray, time, &leaves, query, stack)
 }

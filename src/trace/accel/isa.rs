@@ -1,0 +1,236 @@
+//! The inner loops, compiled for any processor and for those with AVX2.
+//!
+//! [`Isa`] names what differs: the test of a ray against eight boxes, and functions whose whole body is compiled with the
+//! processor's features. Both compute the same IEEE operations in the same order, without fused multiply-add, so they
+//! answer alike bit for bit and a picture does not depend on the processor.
+
+use super::frame::RayFrame;
+use super::node::{MovingNode, Opened, Planes, StillNode};
+use super::tree::{MovingTree, StillTree};
+use super::walk::{Query, walk_triangles};
+
+/// A way to compile the inner loops.
+pub(super) trait Isa {
+    /// Tests the boxes of a still node.
+    fn open_still(node: &StillNode, ray: &RayFrame, limit: f32) -> Opened;
+
+    /// Tests the boxes of a moving node at fraction `time` of its segment.
+    fn open_moving(node: &MovingNode, ray: &RayFrame, time: f32, limit: f32) -> Opened;
+
+    /// Walks a tree of still triangles.
+    fn walk_still<const ANY: bool>(
+        tree: &StillTree,
+        ray: &RayFrame,
+        space: u32,
+        query: &mut Query<'_>,
+        stack: &mut [u64],
+    ) -> bool;
+
+    /// Walks a tree of moving triangles.
+    fn walk_moving<const ANY: bool>(
+        tree: &MovingTree,
+        ray: &RayFrame,
+        time: f32,
+        space: u32,
+        query: &mut Query<'_>,
+        stack: &mut [u64],
+    ) -> bool;
+}
+
+/// Any processor.
+pub(super) struct Portable;
+
+impl Isa for Portable {
+    #[inline(always)]
+    fn open_still(node: &StillNode, ray: &RayFrame, limit: f32) -> Opened {
+        slabs(|i| node.bounds[i].0, ray, limit)
+    }
+
+    #[inline(always)]
+    fn open_moving(node: &MovingNode, ray: &RayFrame, time: f32, limit: f32) -> Opened {
+        slabs(|i| std::array::from_fn(|c| node.bounds[i].0[c] + time * node.deltas[i].0[c]), ray, limit)
+    }
+
+    fn walk_still<const ANY: bool>(
+        tree: &StillTree,
+        ray: &RayFrame,
+        space: u32,
+        query: &mut Query<'_>,
+        stack: &mut [u64],
+    ) -> bool {
+        walk_triangles::<Self, _, _, ANY>(tree, ray, 0.0, space, query, stack)
+    }
+
+    fn walk_moving<const ANY: bool>(
+        tree: &MovingTree,
+        ray: &RayFrame,
+        time: f32,
+        space: u32,
+        query: &mut Query<'_>,
+        stack: &mut [u64],
+    ) -> bool {
+        walk_triangles::<Self, _, _, ANY>(tree, ray, time, space, query, stack)
+    }
+}
+
+/// `a` if it is the greater, else `b`: `b` where either is not a number, as the processor's own instruction does.
+#[inline(always)]
+fn greater(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// `a` if it is the lesser, else `b`.
+#[inline(always)]
+fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The slab test (Kay and Kajiya 1986), made conservative as [`RayFrame`] says. A ray in a slab's plane gives 0 · ∞,
+/// which never decides: the comparison falls to the value found so far.
+#[inline(always)]
+fn slabs(plane: impl Fn(usize) -> [f32; 8], ray: &RayFrame, limit: f32) -> Opened {
+    let mut near = [0.0_f32; 8];
+    let mut far = [limit; 8];
+    for axis in [2, 1, 0] {
+        let (entry, exit) = (plane(ray.near_plane[axis]), plane(ray.far_plane[axis]));
+        let (near_origin, far_origin) = (ray.near_origin[axis], ray.far_origin[axis]);
+        let (near_inverse, far_inverse) = (ray.near_inverse[axis], ray.far_inverse[axis]);
+        for c in 0..8 {
+            near[c] = greater((entry[c] - near_origin) * near_inverse, near[c]);
+            far[c] = lesser((exit[c] - far_origin) * far_inverse, far[c]);
+        }
+    }
+    let mut mask = 0;
+    for c in 0..8 {
+        mask |= u32::from(near[c] <= far[c]) << c;
+    }
+    Opened { mask, near: Planes(near) }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(super) use avx2::Avx2;
+
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    #![allow(
+        unsafe_code,
+        reason = "the only way to call code compiled for features found at run time; 1.5 times the portable speed; \
+                  `tests::compare` holds it to the portable twin bit for bit"
+    )]
+
+    use super::{Isa, MovingNode, MovingTree, Opened, Planes, Query, RayFrame, StillNode, StillTree, walk_triangles};
+    use std::arch::x86_64::{
+        __m256, _CMP_LE_OQ, _mm256_add_ps, _mm256_cmp_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps,
+        _mm256_mul_ps, _mm256_set1_ps, _mm256_setzero_ps, _mm256_sub_ps,
+    };
+
+    /// A processor with AVX2. Code for it is reached only after the processor was asked: see `Kernel::detect`.
+    pub(in crate::trace::accel) struct Avx2;
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    #[inline]
+    fn load(planes: &Planes) -> __m256 {
+        bytemuck::cast(planes.0)
+    }
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    #[inline]
+    fn distance(plane: __m256, origin: f32, inverse: f32) -> __m256 {
+        _mm256_mul_ps(_mm256_sub_ps(plane, _mm256_set1_ps(origin)), _mm256_set1_ps(inverse))
+    }
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    #[inline]
+    fn opened(near: __m256, far: __m256) -> Opened {
+        let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)).cast_unsigned();
+        Opened { mask, near: Planes(bytemuck::cast(near)) }
+    }
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    #[inline]
+    fn open_still(node: &StillNode, ray: &RayFrame, limit: f32) -> Opened {
+        let (mut near, mut far) = (_mm256_setzero_ps(), _mm256_set1_ps(limit));
+        for axis in [2, 1, 0] {
+            let entry = load(&node.bounds[ray.near_plane[axis]]);
+            let exit = load(&node.bounds[ray.far_plane[axis]]);
+            near = _mm256_max_ps(distance(entry, ray.near_origin[axis], ray.near_inverse[axis]), near);
+            far = _mm256_min_ps(distance(exit, ray.far_origin[axis], ray.far_inverse[axis]), far);
+        }
+        opened(near, far)
+    }
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    #[inline]
+    fn open_moving(node: &MovingNode, ray: &RayFrame, time: f32, limit: f32) -> Opened {
+        let (mut near, mut far) = (_mm256_setzero_ps(), _mm256_set1_ps(limit));
+        let time = _mm256_set1_ps(time);
+        for axis in [2, 1, 0] {
+            let (n, f) = (ray.near_plane[axis], ray.far_plane[axis]);
+            let entry = _mm256_add_ps(load(&node.bounds[n]), _mm256_mul_ps(time, load(&node.deltas[n])));
+            let exit = _mm256_add_ps(load(&node.bounds[f]), _mm256_mul_ps(time, load(&node.deltas[f])));
+            near = _mm256_max_ps(distance(entry, ray.near_origin[axis], ray.near_inverse[axis]), near);
+            far = _mm256_min_ps(distance(exit, ray.far_origin[axis], ray.far_inverse[axis]), far);
+        }
+        opened(near, far)
+    }
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    fn walk_still<const ANY: bool>(
+        tree: &StillTree,
+        ray: &RayFrame,
+        space: u32,
+        query: &mut Query<'_>,
+        stack: &mut [u64],
+    ) -> bool {
+        walk_triangles::<Avx2, _, _, ANY>(tree, ray, 0.0, space, query, stack)
+    }
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    fn walk_moving<const ANY: bool>(
+        tree: &MovingTree,
+        ray: &RayFrame,
+        time: f32,
+        space: u32,
+        query: &mut Query<'_>,
+        stack: &mut [u64],
+    ) -> bool {
+        walk_triangles::<Avx2, _, _, ANY>(tree, ray, time, space, query, stack)
+    }
+
+    impl Isa for Avx2 {
+        #[inline(always)]
+        fn open_still(node: &StillNode, ray: &RayFrame, limit: f32) -> Opened {
+            // SAFETY: the processor has the features, see `Avx2`.
+            unsafe { open_still(node, ray, limit) }
+        }
+
+        #[inline(always)]
+        fn open_moving(node: &MovingNode, ray: &RayFrame, time: f32, limit: f32) -> Opened {
+            // SAFETY: the processor has the features, see `Avx2`.
+            unsafe { open_moving(node, ray, time, limit) }
+        }
+
+        fn walk_still<const ANY: bool>(
+            tree: &StillTree,
+            ray: &RayFrame,
+            space: u32,
+            query: &mut Query<'_>,
+            stack: &mut [u64],
+        ) -> bool {
+            // SAFETY: the processor has the features, see `Avx2`.
+            unsafe { walk_still::<ANY>(tree, ray, space, query, stack) }
+        }
+
+        fn walk_moving<const ANY: bool>(
+            tree: &MovingTree,
+            ray: &RayFrame,
+            time: f32,
+            space: u32,
+            query: &mut Query<'_>,
+            stack: &mut [u64],
+        ) -> bool {
+            // SAFETY: the processor has the features, see `Avx2`.
+            unsafe { walk_moving::<ANY>(tree, ray, time, space, query, stack) }
+        }
+    }
+}
