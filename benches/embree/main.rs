@@ -105,10 +105,10 @@ fn write_rays(path: &Path, rays: &[Ray]) {
     std::fs::write(path, out).unwrap();
 }
 
-/// Seconds of processor time of this thread.
+/// Seconds of processor time.
 #[allow(clippy::cast_precision_loss, reason = "microseconds")]
-fn thread_seconds() -> f64 {
-    let usage = getrusage(UsageWho::RUSAGE_THREAD).unwrap();
+fn seconds(who: UsageWho) -> f64 {
+    let usage = getrusage(who).unwrap();
     (usage.user_time().num_microseconds() + usage.system_time().num_microseconds()) as f64 * 1e-6
 }
 
@@ -121,9 +121,9 @@ fn trace(accel: &Accel, rays: &[Ray], goal: &str) -> (usize, f64) {
 
 fn ours(accel: &Accel, rays: &[Ray], goal: &str, threads: usize) -> Run {
     if threads == 1 {
-        let from = thread_seconds();
+        let from = seconds(UsageWho::RUSAGE_THREAD);
         let (hits, sum) = trace(accel, rays, goal);
-        return Run { seconds: thread_seconds() - from, hits, sum };
+        return Run { seconds: seconds(UsageWho::RUSAGE_THREAD) - from, hits, sum };
     }
     let from = Instant::now();
     let next = std::sync::atomic::AtomicUsize::new(0);
@@ -152,7 +152,9 @@ fn median(values: &mut [f64]) -> f64 {
 fn compare(case: &Case, program: Option<&Path>, config: &str, folder: &Path, repeats: usize, most_threads: usize) {
     let (scene, stage) = case.stage();
     drop(Accel::build(&scene, &stage, None));
+    let from = seconds(UsageWho::RUSAGE_SELF);
     let accel = Accel::build(&scene, &stage, None);
+    let spent = seconds(UsageWho::RUSAGE_SELF) - from;
     let stats = accel.stats();
     let primary = case.primary();
     let [bounces, shadows] = case.secondary(&accel, &scene, &stage, &primary);
@@ -168,12 +170,13 @@ fn compare(case: &Case, program: Option<&Path>, config: &str, folder: &Path, rep
     });
     let triangles = (stats.still_triangles + stats.moving_triangles) as f64;
     println!(
-        "\n{} ({:.0} triangles, {} places, {} slabs): built in {:.3} s, {:.2} M triangles/s, {:.1} MB per million; Embree {:.3} s",
+        "\n{} ({:.0} triangles, {} places, {} slabs): built in {:.3} s ({:.3} s of processor time), {:.2} M triangles/s, {:.1} MB per million; Embree {:.3} s",
         case.name,
         triangles,
         stats.places,
         stats.slabs,
         stats.seconds,
+        spent,
         triangles / stats.seconds * 1e-6,
         stats.bytes as f64 / triangles,
         embree.as_ref().map_or(f64::NAN, |e| e.built),

@@ -7,6 +7,7 @@ use graeco::scene::{Geometry, Instance, Material, Mesh, Motion, Projection, Scen
 use graeco::time::Exposure;
 use graeco::trace::Ray;
 use graeco::trace::accel::Accel;
+use graeco::trace::ray::Backs;
 
 /// Numbers from a counter: no state that another part could disturb.
 #[derive(Debug, Clone)]
@@ -240,7 +241,7 @@ pub fn instanced(name: &'static str, keys: usize) -> Case {
 pub fn hall(name: &'static str) -> Case {
     let mut all = Shape { triangles: Vec::new(), keys: vec![Vec::new()] };
     let mut dice = Dice::new(77);
-    let mut slab = |lo: Vec3, hi: Vec3, turn: f32, all: &mut Shape| {
+    let slab = |lo: Vec3, hi: Vec3, turn: f32, all: &mut Shape| {
         let q = Quat::from_rotation_y(turn);
         let (centre, half) = ((lo + hi) * 0.5, (hi - lo) * 0.5);
         let points = (0..8_u8).map(|i| {
@@ -365,7 +366,13 @@ impl Case {
                 let y = pixel(tile / 64, inner / 16) + dice.unit();
                 let (x, y) = ((x / 512.0 - 1.0) * reach, (1.0 - y / 512.0) * reach);
                 let direction = Vec3A::from((forward + right * x + up * y).normalize());
-                Ray { origin: Vec3A::from(self.eye), direction, t_max: f32::INFINITY, u_time: dice.unit() }
+                Ray {
+                    origin: Vec3A::from(self.eye),
+                    direction,
+                    t_max: f32::INFINITY,
+                    u_time: dice.unit(),
+                    backs: Backs::Pass,
+                }
             })
             .collect()
     }
@@ -381,10 +388,10 @@ impl Case {
             let n = if n.dot(ray.direction) > 0.0 { -n } else { n };
             let direction = (n + Vec3A::from(dice.direction())).normalize_or(n);
             let origin = surface.spawn_origin(n);
-            bounces.push(Ray { origin, direction, t_max: f32::INFINITY, u_time: ray.u_time });
+            bounces.push(Ray { origin, direction, t_max: f32::INFINITY, u_time: ray.u_time, backs: Backs::Pass });
             let light = Vec3A::new(dice.between(-8.0, -2.0), 13.0, dice.between(-10.0, -4.0));
             let way = light - origin;
-            shadows.push(Ray { origin, direction: way, t_max: 0.999, u_time: ray.u_time });
+            shadows.push(Ray { origin, direction: way, t_max: 0.999, u_time: ray.u_time, backs: Backs::Pass });
         }
         [bounces, shadows]
     }

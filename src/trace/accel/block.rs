@@ -10,6 +10,7 @@
 use super::collapse::{BLOCK, NO_TRIANGLE};
 use super::frame::RayFrame;
 use glam::{DVec3, Vec3A, Vec4};
+use std::borrow::Borrow;
 
 /// Corners of four triangles: `[corner][axis]`, a lane a triangle.
 pub(super) type Corners = [[Vec4; 3]; 3];
@@ -56,8 +57,8 @@ pub(super) trait Block: Sync + Send + Sized {
     /// A block of up to four triangles.
     fn new(triangles: &[Option<StoredTriangle>; BLOCK]) -> Self;
 
-    /// The corners at fraction `time` of the segment.
-    fn corners(&self, time: f32) -> Corners;
+    /// The corners at fraction `time` of the segment; where they stand still, those stored.
+    fn corners(&self, time: f32) -> impl Borrow<Corners>;
 
     /// Tagged indices; [`NO_TRIANGLE`] for empty lanes.
     fn ids(&self) -> &[u32; BLOCK];
@@ -82,8 +83,8 @@ impl Block for StillBlock {
     }
 
     #[inline(always)]
-    fn corners(&self, _time: f32) -> Corners {
-        self.corners
+    fn corners(&self, _time: f32) -> impl Borrow<Corners> {
+        &self.corners
     }
 
     #[inline(always)]
@@ -102,9 +103,10 @@ impl Block for MovingBlock {
     }
 
     #[inline(always)]
-    fn corners(&self, time: f32) -> Corners {
+    fn corners(&self, time: f32) -> impl Borrow<Corners> {
         let time = Vec4::splat(time);
-        std::array::from_fn(|c| std::array::from_fn(|a| self.corners[c][a] + time * self.deltas[c][a]))
+        let at = |c: usize, a: usize| self.corners[c][a] + time * self.deltas[c][a];
+        [0, 1, 2].map(|c| [at(c, 0), at(c, 1), at(c, 2)])
     }
 
     #[inline(always)]

@@ -14,7 +14,8 @@ use glam::Vec3A;
 /// u|x| (subtraction of the origin), 4u|S z| (one in z, two in S, one in the product; |S| ≤ 1) and u(|x| + |z|) (the last
 /// subtraction): at most 2u|x| + 5u|z| + O(u²), so the triangle test sees vertices moved by less than
 /// 6u(max|x| + max|z|), maxima over the structure's bounds. Boxes widened by as much enclose the moved triangles; the
-/// widening is put on the origin, `near_origin` and `far_origin`, once a ray.
+/// widening is put on the origin, `near_origin` and `far_origin`, once a ray, with 2u of the origin more so that rounding
+/// the sums takes nothing away.
 ///
 /// The quotients then carry three roundings each (subtraction, reciprocal, product): near ≤ near*(1 + γ₃) and
 /// far ≥ far*(1 − γ₃) for exact near* ≤ far*. Scaling far by 1 + 2γ₃ makes near ≤ far certain (Ize 2013, *Robust BVH Ray
@@ -61,10 +62,11 @@ impl RayFrame {
         }
         let inverse_z = 1.0 / direction[z];
         let reach = (bounds.lo - origin).abs().max((bounds.hi - origin).abs());
-        let pad = (reach + Vec3A::splat(reach[z])) * (6.0 * UNIT_ROUNDOFF);
-        let backward = direction.cmplt(Vec3A::ZERO);
-        let toward = Vec3A::select(backward, -pad, pad);
+        let pad = (reach + Vec3A::splat(reach[z])) * (6.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF);
         let inverse = direction.recip();
+        // Not of the direction: -0.0 is not less than zero, but its reciprocal is.
+        let backward = inverse.cmplt(Vec3A::ZERO);
+        let toward = Vec3A::select(backward, -pad, pad);
         let sign = backward.bitmask() as usize;
         let near_plane = [3 * (sign & 1), 1 + 3 * (sign >> 1 & 1), 2 + 3 * (sign >> 2 & 1)];
         Self {

@@ -15,6 +15,7 @@ mod collapse;
 mod frame;
 mod isa;
 mod linear;
+mod memory;
 mod node;
 mod resolve;
 mod sweep;

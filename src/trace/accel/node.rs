@@ -10,8 +10,9 @@ use super::linear::LinearBox;
 #[repr(C, align(32))]
 pub(super) struct Planes(pub(super) [f32; WIDTH]);
 
-/// Eight boxes that do not move: lower x, y, z, then upper x, y, z.
+/// Eight boxes that do not move: lower x, y, z, then upper x, y, z. Four lines of the cache.
 #[derive(Debug, Clone)]
+#[repr(C, align(64))]
 pub(super) struct StillNode {
     pub(super) bounds: [Planes; 6],
     children: [u32; WIDTH],
@@ -19,6 +20,7 @@ pub(super) struct StillNode {
 
 /// Eight boxes whose planes move linearly: at the segment's begin, and how far they go until its end.
 #[derive(Debug, Clone)]
+#[repr(C, align(64))]
 pub(super) struct MovingNode {
     pub(super) bounds: [Planes; 6],
     pub(super) deltas: [Planes; 6],

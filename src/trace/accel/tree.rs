@@ -3,6 +3,7 @@
 use super::block::{Block, MovingBlock, StillBlock, StoredTriangle};
 use super::collapse::{LEAF, NO_CHILD, NO_TRIANGLE, Shape, WIDTH};
 use super::linear::{Aabb, LinearBox};
+use super::memory;
 use super::node::{MovingNode, StillNode, WideNode};
 use super::topology::half_area;
 use rayon::prelude::*;
@@ -42,7 +43,8 @@ impl<N: WideNode> Nodes<N> {
             leaf if leaf & LEAF != 0 => leaves[(leaf & !LEAF) as usize],
             node => boxes[node as usize],
         };
-        let nodes = shape
+        let mut nodes = memory::large(shape.nodes.len());
+        shape
             .nodes
             .par_iter()
             .with_min_len(512)
@@ -50,7 +52,7 @@ impl<N: WideNode> Nodes<N> {
                 let boxes: [LinearBox; WIDTH] = std::array::from_fn(|i| child_box(children[i]).padded());
                 N::new(&boxes, *children)
             })
-            .collect();
+            .collect_into_vec(&mut nodes);
         let whole = child_box(shape.root);
         let area = |b: &LinearBox| half_area(b.middle().lo, b.middle().hi);
         let relative_cost = boxes.iter().map(area).sum::<f32>() / area(&whole).max(f32::MIN_POSITIVE);
@@ -79,7 +81,9 @@ pub(super) fn node_boxes(shape: &Shape, leaves: &[LinearBox]) -> Vec<LinearBox> 
 impl<N: WideNode, B: Block> Tree<N, B> {
     /// Fills `shape` with the triangles that `triangle` gives for its indices.
     pub(super) fn fill(shape: &Shape, triangle: impl Fn(u32) -> StoredTriangle + Sync) -> Self {
-        let (blocks, leaves): (Vec<B>, Vec<LinearBox>) = shape
+        let mut blocks = memory::large(shape.leaves.len());
+        let mut leaves: Vec<LinearBox> = Vec::new();
+        shape
             .leaves
             .par_iter()
             .with_min_len(1024)
@@ -90,7 +94,7 @@ impl<N: WideNode, B: Block> Tree<N, B> {
                 });
                 (B::new(&triangles), around)
             })
-            .unzip();
+            .unzip_into_vecs(&mut blocks, &mut leaves);
         Self { nodes: Nodes::around(shape, &leaves), blocks }
     }
 

@@ -6,6 +6,7 @@ use super::frame::RayFrame;
 use super::isa::Isa;
 use super::node::WideNode;
 use super::tree::{Nodes, Tree};
+use std::borrow::Borrow;
 
 /// A hit by the names that the structure uses.
 #[derive(Debug, Clone, Copy)]
@@ -101,6 +102,15 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
                     }
                     continue;
                 }
+                let second = mask.trailing_zeros() as usize & 7;
+                if mask & (mask - 1) == 0 {
+                    // Two are the most common.
+                    let (a, b) = (key(first), key(second));
+                    stack[waiting] = a.max(b);
+                    waiting += 1;
+                    current = lower_half(a.min(b));
+                    continue;
+                }
                 let from = waiting;
                 stack[waiting] = key(first);
                 waiting += 1;
@@ -163,12 +173,13 @@ impl<B: Block, const ANY: bool> Visit for Triangles<'_, B, ANY> {
     fn visit(&self, leaf: u32, query: &mut Query<'_>, _: &mut [u64]) -> bool {
         let block = &self.blocks[leaf as usize];
         let corners = block.corners(self.time);
-        let hits = test(&corners, self.ray, query.limit);
+        let corners = corners.borrow();
+        let hits = test(corners, self.ray, query.limit);
         let mut mask = hits.mask;
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize & 3;
             mask &= mask - 1;
-            if let Some(candidate) = decide(&corners, &hits, lane, self.ray, query.limit)
+            if let Some(candidate) = decide(corners, &hits, lane, self.ray, query.limit)
                 && query.offer(candidate, block.ids()[lane], self.space)
                 && ANY
             {
