@@ -1,51 +1,20 @@
 //! What must hold bit for bit, or in closed form, whatever the scene.
 
+#[path = "support/shots.rs"]
+mod shots;
+
 use glam::Vec3;
-use graeco::design::DesignOptions;
-use graeco::film::{Film, FilterSpec};
-use graeco::output::PixelAspect;
-use graeco::render::{Progress, Scanning, Settings, Shot, Surroundings};
-use graeco::scene::gltf::{self, LoadOptions};
-use graeco::scene::rig::Playback;
-use graeco::scene::view::ViewRequest;
+use graeco::film::Film;
+use graeco::render::{Scanning, Settings};
 use graeco::scene::{AlphaMode, Material, Mesh, Node, Scene, Specular};
-use graeco::time::{FrameRate, Parity, ShutterPhase};
+use graeco::time::Parity;
 use graeco::trace::environment::Background;
-use graeco::trace::path::Caustics;
-use graeco::trace::texture::TextureFilter;
-use std::path::Path;
+use shots::{load, render};
 
 const SIZE: (u32, u32) = (48, 32);
 
 fn settings(runs: u32, bounces: u16) -> Settings {
-    Settings {
-        size: SIZE,
-        crop: None,
-        pixel_aspect: PixelAspect::SQUARE,
-        rate: FrameRate::CINEMA,
-        shutter: Some(0.5),
-        shutter_phase: ShutterPhase::Start,
-        shutter_curve: "box".into(),
-        scanning: Scanning::Progressive,
-        view: ViewRequest { motion_error: 0.0625, size: SIZE, pixel_aspect: 1.0, ..ViewRequest::default() },
-        playback: Playback::default(),
-        blur_scale: Vec::new(),
-        sampling: DesignOptions { runs, seed: 7, ..DesignOptions::default() },
-        filter: FilterSpec::BOX,
-        texture_filter: TextureFilter::default(),
-        bounces,
-        caustics: Caustics::Off,
-    }
-}
-
-fn render(scene: &Scene, settings: &Settings, background: Background<'_>, frame: i64) -> Film {
-    let surroundings = Surroundings { background, name: String::new() };
-    let mut shot = Shot::new(scene, settings, &surroundings, "").unwrap();
-    shot.render(frame, &Progress::default()).unwrap().unwrap().film
-}
-
-fn load(name: &str) -> Scene {
-    gltf::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join(name), &LoadOptions::default()).unwrap()
+    shots::settings(SIZE, runs, bounces)
 }
 
 fn bits(film: &Film) -> Vec<[u32; 3]> {

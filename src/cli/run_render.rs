@@ -2,33 +2,19 @@
 
 use super::progress::Reporter;
 use super::render::RenderArgs;
+use graeco::output::manifest::{self, FrameLine, FrameStats, Line, Manifest, SequenceLine};
 use graeco::output::video::{ChromaNotch, YuvOptions};
 use graeco::output::{
-    Cadence, Destination, Dither, ExrDepth, FrameFormat, OutputTarget, PngDepth, PngOptions, View, file,
+    Cadence, Destination, Dither, ExrDepth, FieldFiles, FieldOrder, FrameFormat, OutputTarget, PngDepth, PngOptions,
+    View, file,
 };
 use graeco::render::{Frame, FrameList, Progress, Settings, Shot};
 use graeco::time::Parity;
 use graeco::{Error, Result};
-use serde::Serialize;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-
-/// One line of `--stats`.
-#[derive(Debug, Serialize)]
-struct StatsLine {
-    frame: i64,
-    files: Vec<String>,
-    load_s: f64,
-    build_s: f64,
-    render_s: f64,
-    total_s: f64,
-    cpu_s: f64,
-    samples: u64,
-    rays: u64,
-    rejected_samples: u64,
-    peak_memory_mib: f64,
-}
 
 impl RenderArgs {
     /// What of the output changes the pixels of finished frame files.
@@ -39,6 +25,33 @@ impl RenderArgs {
             }
             _ => format!("{:?} {:?}", self.depth, self.fields),
         }
+    }
+
+    /// The manifest of a sequence of files, with a line on what this run sets out to make. A single picture has none.
+    fn begin_manifest(
+        &self,
+        destination: &Destination,
+        frames: &[i64],
+        settings: &Settings,
+        shot: &Shot<'_>,
+    ) -> Result<Option<Manifest>> {
+        let Destination::Frames(pattern) = destination else { return Ok(None) };
+        if !pattern.is_sequence() {
+            return Ok(None);
+        }
+        file::make_folder_of(&pattern.path(0))?;
+        let manifest = Manifest::beside(pattern);
+        let (width, lines) = settings.size;
+        let separate = self.fields == FieldFiles::Separate && settings.field_order() != FieldOrder::Progressive;
+        let size = (width, if separate { lines / 2 } else { lines });
+        let name = std::path::Path::new(&pattern.to_string()).file_name().map(|n| n.to_string_lossy().into_owned());
+        manifest.append(&Line::Sequence(SequenceLine {
+            pattern: name.unwrap_or_default(),
+            frames: frames.to_vec(),
+            size,
+            record: shot.record().as_ref().clone(),
+        }))?;
+        Ok(Some(manifest))
     }
 
     fn view(&self) -> View {
@@ -125,8 +138,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     for warning in &scene.warnings {
         reporter.say(&format!("warning: {warning}"));
     }
+    let manifest = args.begin_manifest(&destination, frames.frames(), &settings, &shot)?;
     let mut target = args.target(destination, &settings, frames.frames().len())?;
-    let mut work = Work { args, reporter, signals: Signals::listen(), load_s, kept: 0 };
+    let mut work = Work { args, reporter, signals: Signals::listen(), load_s, manifest, kept: 0 };
     let result = work.render_all(&mut shot, frames.frames(), &mut target);
     // A stream's frames so far become a whole file whatever happened.
     let finished = target.finish();
@@ -142,7 +156,9 @@ struct Work<'a> {
     args: &'a RenderArgs,
     reporter: Reporter,
     signals: Signals,
+    /// Seconds to load the scene, until a frame has accounted for them.
     load_s: f64,
+    manifest: Option<Manifest>,
     kept: usize,
 }
 
@@ -169,28 +185,36 @@ impl Work<'_> {
         let pixels = shot.pixels();
         let frame = self.reporter.watch(index, number, pixels, &progress, || shot.render(number, &progress))?;
         let Some(frame) = frame else { return Err(Error::Interrupted { frames_kept: self.kept }) };
+        let writing = Instant::now();
         let mut written = Vec::new();
         for picture in shot.pictures(number, &frame, self.args.fields)? {
             written.extend(target.accept(picture)?);
         }
-        let files: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
-        self.report(&files.join(", "), number, &frame, began);
-        let Some(stats) = &self.args.stats else { return Ok(()) };
-        let line = StatsLine {
+        let stats = FrameStats {
             frame: number,
-            files,
-            load_s: if index == 0 { self.load_s } else { 0.0 },
+            load_s: std::mem::take(&mut self.load_s),
             build_s: frame.cost.build_s,
             render_s: frame.cost.render_s,
-            total_s: began.elapsed().as_secs_f64(),
+            write_s: writing.elapsed().as_secs_f64(),
             cpu_s: cpu_seconds() - cpu,
             samples: frame.cost.samples,
             rays: frame.cost.rays,
-            rejected_samples: frame.cost.rejected,
-            peak_memory_mib: peak_memory_mib(),
+            peak_memory: peak_memory(),
+            rejected: frame.cost.rejected,
+            standard_error: frame.film.standard_error(),
         };
-        let json = serde_json::to_string(&line).map_err(|e| Error::invalid("--stats", e.to_string()))?;
-        file::append_line(stats, &json)
+        let files: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
+        self.report(&files.join(", "), number, &frame, began);
+        if let Some(path) = &self.args.stats {
+            manifest::append_json(path, &stats)?;
+        }
+        if let Some(manifest) = &self.manifest {
+            let name = |p: &PathBuf| p.file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned());
+            let settings_hash = shot.record().settings_hash.clone();
+            let files = written.iter().map(name).collect();
+            manifest.append(&Line::Frame(FrameLine { frame: number, files, settings_hash, stats }))?;
+        }
+        Ok(())
     }
 
     fn report(&self, files: &str, number: i64, frame: &Frame, began: Instant) {
@@ -211,9 +235,9 @@ fn cpu_seconds() -> f64 {
     getrusage(UsageWho::RUSAGE_SELF).map_or(0.0, |u| seconds(u.user_time()) + seconds(u.system_time()))
 }
 
-/// The most memory that this process has held, MiB.
-#[allow(clippy::cast_precision_loss, reason = "kibibytes are small")]
-fn peak_memory_mib() -> f64 {
+/// The most memory that this process has held, bytes.
+fn peak_memory() -> u64 {
     use nix::sys::resource::{UsageWho, getrusage};
-    getrusage(UsageWho::RUSAGE_SELF).map_or(0.0, |u| u.max_rss() as f64 / 1024.0)
+    // Linux counts kibibytes.
+    getrusage(UsageWho::RUSAGE_SELF).map_or(0, |u| u64::try_from(u.max_rss()).unwrap_or(0) * 1024)
 }
