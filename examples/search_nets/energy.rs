@@ -40,7 +40,7 @@ impl Random {
 }
 
 /// Share of the family with each number of factors S.
-pub const SUPPORTS: [(usize, f64); 4] = [(2, 0.45), (3, 0.38), (4, 0.10), (7, 0.07)];
+pub const SUPPORTS: [(usize, f64); 4] = [(2, 0.15), (3, 0.55), (4, 0.15), (7, 0.15)];
 
 /// Factors among which the S are drawn.
 const FACTORS: usize = 7;

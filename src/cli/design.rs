@@ -13,37 +13,37 @@ use std::path::{Path, PathBuf};
 pub(crate) struct DesignArgs {
     /// The design: random, jittered, latin-hypercube, latin-square, orthogonal, orthogonal-correlated, orthogonal-3,
     /// sobol, poisson-disk, strong, nested or auto
-    pub design: Kind,
+    pub(crate) design: Kind,
     /// Runs a pixel
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
-    pub runs: u32,
+    pub(crate) runs: u32,
     /// How many factors, in the order film x, film y, shutter, lens u v, light u v, lobe u v, light u v, …
     #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u16).range(1..=4096))]
-    pub factors: u16,
+    pub(crate) factors: u16,
     /// Columns x rows of pixels
     #[arg(long, default_value = "1x1", value_parser = parse_pixels)]
-    pub pixels: [u32; 2],
+    pub(crate) pixels: [u32; 2],
     /// The first pixel
     #[arg(long, default_value = "0,0", value_parser = parse_origin, allow_hyphen_values = true)]
-    pub origin: [i32; 2],
+    pub(crate) origin: [i32; 2],
     /// Frames
     #[arg(long, default_value_t = 1)]
-    pub frames: u32,
+    pub(crate) frames: u32,
     /// Chooses among all equally good designs
     #[arg(long, default_value_t = 0)]
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// Structure between pixels: none, ordered, ordered-8x8, blue-noise, r2, z-order (each with :time or :all) or auto
     #[arg(long, default_value = "none")]
-    pub dither: Dither,
+    pub(crate) dither: Dither,
     /// csv or npy
     #[arg(long, default_value = "csv", value_parser = parse_format)]
-    pub format: Format,
+    pub(crate) format: Format,
     /// The file; without it, standard output
     #[arg(short, long)]
-    pub output: Option<PathBuf>,
+    pub(crate) output: Option<PathBuf>,
     /// Print the square with its Latin and Greek letters and numerals instead of points
     #[arg(long)]
-    pub show: bool,
+    pub(crate) show: bool,
 }
 
 fn parse_pixels(text: &str) -> std::result::Result<[u32; 2], String> {

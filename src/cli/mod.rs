@@ -11,6 +11,8 @@ mod run_render;
 mod shot;
 mod shot_args;
 mod study_designs;
+mod study_dither;
+mod study_patterns;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -45,6 +47,8 @@ enum Command {
 #[derive(Debug, Subcommand)]
 enum Study {
     Designs(study_designs::StudyDesignsArgs),
+    Dither(study_dither::StudyDitherArgs),
+    Patterns(study_patterns::StudyPatternsArgs),
 }
 
 impl Cli {
@@ -63,7 +67,10 @@ impl Cli {
                     return Ok(ExitCode::FAILURE);
                 }
             }
+            Command::Design(args) => design::run(args)?,
             Command::Study(Study::Designs(args)) => study_designs::run(args)?,
+            Command::Study(Study::Dither(args)) => study_dither::run(args)?,
+            Command::Study(Study::Patterns(args)) => study_patterns::run(args)?,
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -18,22 +18,22 @@ pub(crate) struct StudyDesignsArgs {
         default_value = "random,jittered,latin-hypercube,latin-square,orthogonal,\
         orthogonal-correlated,orthogonal-3,sobol,nested,strong,auto"
     )]
-    pub designs: Vec<Kind>,
+    pub(crate) designs: Vec<Kind>,
     /// Runs a pixel, separated by commas
     #[arg(long, value_delimiter = ',', default_value = "4,9,12,16,25,48,49,64,100,128,200,256,1024")]
-    pub runs: Vec<u32>,
+    pub(crate) runs: Vec<u32>,
     /// Placements of each function
     #[arg(long, default_value_t = 128)]
-    pub placements: u32,
+    pub(crate) placements: u32,
     /// Independent draws at each placement
     #[arg(long, default_value_t = 32)]
-    pub randomizations: u32,
+    pub(crate) randomizations: u32,
     /// Chooses placements and draws
     #[arg(long, default_value_t = 1)]
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// Folder for designs.csv, designs.md and designs.svg; without it the table is only printed
     #[arg(short, long)]
-    pub output: Option<PathBuf>,
+    pub(crate) output: Option<PathBuf>,
 }
 
 /// The CSV's header and rows.

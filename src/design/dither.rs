@@ -40,9 +40,19 @@ pub fn ordered_8x8() -> [[u8; 8]; 8] {
     matrix
 }
 
-/// Position of the ordered mask at `place`: the matrix's level, moved by a turn of its own per frame and seed, and
-/// `jitter` inside it. Masks of different `column` are shifted and mirrored against each other; that of column
-/// `unmoved` is the matrix as printed.
+/// How far a column's mask is turned in a frame, in 2⁻³²: the shutter's by the golden ratio from frame to frame, which
+/// spreads few frames evenly; the others' afresh, for factors that turn in step would be tied over the frames.
+fn turn(key: u64, column: u32, t: u32) -> u32 {
+    let start = subseed(key, u64::from(column));
+    if column == SHUTTER_COLUMN {
+        start.wrapping_add(t.wrapping_mul(GOLDEN))
+    } else {
+        subseed(key, u64::from(t) << 32 | u64::from(column) << 8 | 1)
+    }
+}
+
+/// Position of the ordered mask at `place`: the matrix's level, turned by frame and seed, and `jitter` inside it.
+/// Masks of different `column` are shifted and mirrored against each other; the shutter's is the matrix as printed.
 pub(crate) fn ordered(side: u32, place: Place, column: u32, key: u64, jitter: u32) -> u32 {
     static EIGHT: OnceLock<[[u8; 8]; 8]> = OnceLock::new();
     let moved = subkey(0x0dd_b175 ^ u64::from(side), u64::from(column));
@@ -58,7 +68,7 @@ pub(crate) fn ordered(side: u32, place: Place, column: u32, key: u64, jitter: u3
     let (x, y) = (x as usize, y as usize);
     let level = if side == 4 { ORDERED_4X4[y][x] } else { EIGHT.get_or_init(ordered_8x8)[y][x] };
     let bits = 2 * side.trailing_zeros();
-    let turn = subseed(key, u64::from(column)).wrapping_add(place.t.wrapping_mul(GOLDEN)) >> (32 - bits);
+    let turn = turn(key, column, place.t) >> (32 - bits);
     (u32::from(level).wrapping_add(turn) << (32 - bits)) | (jitter >> bits)
 }
 
@@ -75,38 +85,41 @@ pub(crate) fn blue_noise(place: Place, column: u32, key: u64, jitter: u32) -> u3
     let y = (u64::from(place.y) + (moved >> 6 & 63)) % side;
     #[allow(clippy::cast_possible_truncation, reason = "below 64²")]
     let rank = u32::from(ranks[(y * side + x) as usize]);
-    #[allow(clippy::cast_possible_truncation, reason = "the upper half of a hash")]
-    let turn = ((moved >> 32) as u32).wrapping_add(place.t.wrapping_mul(GOLDEN));
-    (rank << 20 | jitter >> 12).wrapping_add(turn)
+    (rank << 20 | jitter >> 12).wrapping_add(turn(key, column, place.t))
 }
 
 /// Position of the lattice mask at `place`: a multiple of one vector per axis, modulo one.
 pub(crate) fn r2(place: Place, column: u32, key: u64) -> u32 {
-    let [across, down] = LATTICES[column as usize % LATTICES.len()];
-    subseed(key, u64::from(column))
-        .wrapping_add(place.x.wrapping_mul(across))
-        .wrapping_add(place.y.wrapping_mul(down))
-        .wrapping_add(place.t.wrapping_mul(GOLDEN))
+    // Roberts's own lattice serves the shutter, the factor that most often is masked alone.
+    let lattice = match column {
+        SHUTTER_COLUMN => 0,
+        0 => SHUTTER_COLUMN,
+        other => other,
+    };
+    let [across, down] = LATTICES[lattice as usize % LATTICES.len()];
+    turn(key, column, place.t).wrapping_add(place.x.wrapping_mul(across)).wrapping_add(place.y.wrapping_mul(down))
 }
 
 /// Steps across and down of each factor's lattice, in 2⁻³².
-const LATTICES: [[u32; 2]; 13] = lattices();
-
-/// Placeholder family until tuned: powers of the generalised golden ratios of dimension 2.
-const fn lattices() -> [[u32; 2]; 13] {
-    let mut all = [[0_u32; 2]; 13];
-    let mut a: u64 = 0xc13f_a9a9;
-    let mut b: u64 = 0x91e1_0da6;
-    let mut k = 0;
-    while k < 13 {
-        all[k] = [a as u32, b as u32];
-        let next = (a * 0xc13f_a9a9) >> 32;
-        b = (b * 0xdb4f_0b91 + 0x9e37_79b9) >> 32;
-        a = next | 1;
-        k += 1;
-    }
-    all
-}
+///
+/// The first is Roberts's (powers of the plastic number). The others were taken greedily from random candidates so
+/// that no harmonic of one, nor a sum of low harmonics of two or three, is of low spatial frequency: the criterion is
+/// the sum over harmonics h of Π h⁻² · exp(−(2π · 1.5 px · f)²), f being the harmonic's frequency on the pixels.
+const LATTICES: [[u32; 2]; 13] = [
+    [0xc13f_a9a9, 0x91e1_0da5],
+    [0xf30b_d5bc, 0x6320_e25d],
+    [0x8a8c_2712, 0x6871_6d45],
+    [0x3d27_d399, 0x9f00_7ecf],
+    [0x62ca_6461, 0x5e25_c9f6],
+    [0x1a5d_19c4, 0x6994_643e],
+    [0xa2a4_9790, 0x7c43_b394],
+    [0xdba0_40d1, 0x70c6_cd65],
+    [0x2feb_47a4, 0x59b5_f1ec],
+    [0x8730_96d4, 0x9198_3312],
+    [0xfc60_56ed, 0x8d89_a9ef],
+    [0xace0_5fd0, 0x6901_01d2],
+    [0x4d1d_eeb2, 0x6bdb_9a93],
+];
 
 /// Interleaves the lower 16 bits of `x` (even places) and `y` (odd places): the Z-order of Morton (1966).
 pub(crate) const fn morton(x: u32, y: u32) -> u32 {

@@ -2,5 +2,8 @@
 //!
 //! Reads all other modules, is read by none.
 
+pub mod canvas;
 pub mod designs;
+pub mod dither;
+pub mod patterns;
 pub mod plots;

@@ -233,6 +233,51 @@ impl Analytic {
         Self { kind, shape }
     }
 
+    /// One disk as large as a picture of `side`² pixels wants it, for studies of structure between pixels; `heading`
+    /// (0 to 3) chooses among four motions. With `sharp` there is neither lens nor penumbra, and it moves further.
+    #[must_use]
+    pub fn picture_disk(side: f64, heading: usize, sharp: bool) -> Self {
+        let [vx, vy] = [[0.4, 0.15], [-0.17, 0.41], [0.28, -0.3], [-0.45, -0.02]][heading % 4];
+        let speed = if sharp { side } else { 0.5 * side };
+        let velocity = [vx * speed, vy * speed];
+        let centre = velocity.map(|v| 0.5 * (side - v));
+        let disk = if sharp {
+            MovingDisk {
+                centre,
+                velocity,
+                radius: 0.22 * side,
+                lens: 1e-3,
+                light: 1e-3,
+                offset: [0.0; 2],
+                emitted: 0.0,
+            }
+        } else {
+            MovingDisk {
+                centre,
+                velocity,
+                radius: 0.22 * side,
+                lens: 0.06 * side,
+                light: 0.1 * side,
+                offset: [0.12 * side, 0.08 * side],
+                emitted: 0.3,
+            }
+        };
+        Self { kind: AnalyticKind::Disk, shape: Shape::Disk(disk) }
+    }
+
+    /// The point at a film position and a time, lens and light at their centres.
+    #[must_use]
+    pub fn at_centre(position: [f64; 2], u_time: f64) -> [f64; 7] {
+        [position[0], position[1], u_time, 0.5, 0.5, 0.5, 0.5]
+    }
+
+    /// Mean over time alone at a film position, by `steps` midpoints.
+    #[must_use]
+    pub fn time_mean(&self, position: [f64; 2], steps: u32) -> f64 {
+        let at = |step: u32| (f64::from(step) + 0.5) / f64::from(steps);
+        (0..steps).map(|step| self.value(&Self::at_centre(position, at(step)))).sum::<f64>() / f64::from(steps)
+    }
+
     /// Which of the seven.
     #[must_use]
     pub fn kind(&self) -> AnalyticKind {
