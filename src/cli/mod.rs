@@ -67,7 +67,6 @@ impl Cli {
                     return Ok(ExitCode::FAILURE);
                 }
             }
-            Command::Design(args) => design::run(args)?,
             Command::Study(Study::Designs(args)) => study_designs::run(args)?,
             Command::Study(Study::Dither(args)) => study_dither::run(args)?,
             Command::Study(Study::Patterns(args)) => study_patterns::run(args)?,
