@@ -264,9 +264,11 @@ fn section<T>(
     Ok(())
 }
 
+/// Items of a section that are shown.
+const MOST: usize = 20;
+
 impl fmt::Display for Info {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const MOST: usize = 20;
         writeln!(f, "{}", self.path.display())?;
         writeln!(f, "  nodes      {}", self.nodes)?;
         writeln!(f, "  meshes     {}, {} triangles", self.meshes.len(), self.triangles)?;
@@ -280,45 +282,12 @@ impl fmt::Display for Info {
             writeln!(f, "  surroundings from the file")?;
         }
         writeln!(f, "  hash       {}", &self.hash[..16])?;
-        section(f, "Cameras", &self.cameras, MOST, |i, c| {
-            let unit = if c.projection == "perspective" { "°" } else { " m" };
-            let mut text =
-                format!("{i}  {}  {}, {:.1}{unit} high, at node {}", quoted(&c.name), c.projection, c.view, c.node);
-            for (name, value, unit) in [
-                ("f/", c.f_stop, ""),
-                ("aperture radius ", c.aperture_radius, " m"),
-                ("focus at ", c.focus_distance, " m"),
-                ("shutter ", c.shutter_angle, "°"),
-            ] {
-                if let Some(value) = value {
-                    text.push_str(&format!(", {name}{value}{unit}"));
-                }
-            }
-            text
-        })?;
+        section(f, "Cameras", &self.cameras, MOST, |i, c| format!("{i}  {}", camera_line(c)))?;
         section(f, "Animations", &self.animations, MOST, |i, a| {
             format!("{i}  {}  {:.3} s to {:.3} s, {} channels", quoted(&a.name), a.start, a.end, a.channels)
         })?;
-        section(f, "Lights", &self.lights, MOST, |i, l| {
-            let unit = if l.kind == "directional" { "lx" } else { "cd" };
-            let [r, g, b] = l.intensity;
-            let size = match (l.radius > 0.0, l.kind) {
-                (false, _) => String::new(),
-                (true, "directional") => format!(", {:.3}° across", 2.0 * l.radius.to_degrees()),
-                (true, _) => format!(", radius {} m", l.radius),
-            };
-            format!("{i}  {}  {}, {r:.4} {g:.4} {b:.4} {unit}{size}", quoted(&l.name), l.kind)
-        })?;
-        section(f, "Meshes", &self.meshes, MOST, |i, m| {
-            let mut text = format!("{i}  {}  {} triangles, {} vertices", quoted(&m.name), m.triangles, m.vertices);
-            if m.morph_targets > 0 {
-                text.push_str(&format!(", {} morph targets", m.morph_targets));
-            }
-            if m.skinned {
-                text.push_str(", skinned");
-            }
-            text
-        })?;
+        section(f, "Lights", &self.lights, MOST, |i, l| format!("{i}  {}", light_line(l)))?;
+        section(f, "Meshes", &self.meshes, MOST, |i, m| format!("{i}  {}", mesh_line(m)))?;
         section(f, "Materials", &self.materials, MOST, |i, m| {
             format!("{i}  {}  {}", quoted(&m.name), m.features.join(", "))
         })?;
@@ -331,6 +300,44 @@ impl fmt::Display for Info {
         })?;
         section(f, "Warnings", &self.warnings, MOST, |_, w| w.clone())
     }
+}
+
+fn camera_line(c: &CameraInfo) -> String {
+    let unit = if c.projection == "perspective" { "°" } else { " m" };
+    let mut text = format!("{}  {}, {:.1}{unit} high, at node {}", quoted(&c.name), c.projection, c.view, c.node);
+    for (name, value, unit) in [
+        ("f/", c.f_stop, ""),
+        ("aperture radius ", c.aperture_radius, " m"),
+        ("focus at ", c.focus_distance, " m"),
+        ("shutter ", c.shutter_angle, "°"),
+    ] {
+        if let Some(value) = value {
+            text.push_str(&format!(", {name}{value}{unit}"));
+        }
+    }
+    text
+}
+
+fn light_line(l: &LightInfo) -> String {
+    let unit = if l.kind == "directional" { "lx" } else { "cd" };
+    let [r, g, b] = l.intensity;
+    let size = match (l.radius > 0.0, l.kind) {
+        (false, _) => String::new(),
+        (true, "directional") => format!(", {:.3}° across", 2.0 * l.radius.to_degrees()),
+        (true, _) => format!(", radius {} m", l.radius),
+    };
+    format!("{}  {}, {r:.4} {g:.4} {b:.4} {unit}{size}", quoted(&l.name), l.kind)
+}
+
+fn mesh_line(m: &MeshInfo) -> String {
+    let mut text = format!("{}  {} triangles, {} vertices", quoted(&m.name), m.triangles, m.vertices);
+    if m.morph_targets > 0 {
+        text.push_str(&format!(", {} morph targets", m.morph_targets));
+    }
+    if m.skinned {
+        text.push_str(", skinned");
+    }
+    text
 }
 
 #[cfg(test)]

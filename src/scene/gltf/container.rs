@@ -102,10 +102,10 @@ pub(super) fn check(ctx: &Context<'_>) -> Result<()> {
         Some(_) => return Err(ctx.error("asset", format!("has glTF version {version}, expected 2.0"))),
         None => return Err(ctx.error("asset", format!("has the version \"{}\", expected 2.0", version.escape_debug()))),
     }
-    if let Some(least) = asset.min_version.as_deref() {
-        if parts(least).is_none_or(|v| v > (2, 0)) {
-            return Err(ctx.error("asset", format!("needs at least glTF {}, expected 2.0", least.escape_debug())));
-        }
+    if let Some(least) = asset.min_version.as_deref()
+        && parts(least).is_none_or(|v| v > (2, 0))
+    {
+        return Err(ctx.error("asset", format!("needs at least glTF {}, expected 2.0", least.escape_debug())));
     }
     for name in &ctx.doc.extensions_required {
         if !SUPPORTED.contains(&name.as_str()) {

@@ -54,42 +54,63 @@ impl Reader<'_, '_> {
     }
 }
 
+/// A material's extensions, to be opened by name.
+struct Extensions<'r, 'c> {
+    ctx: &'r Context<'c>,
+    textures: &'r Wanted,
+    members: &'r Object,
+    object: &'r str,
+}
+
+impl<'r, 'c> Extensions<'r, 'c> {
+    fn open(&self, name: &'static str) -> Result<Option<Reader<'r, 'c>>> {
+        let Some(value) = self.members.get(name) else { return Ok(None) };
+        let members =
+            value.as_object().ok_or_else(|| self.ctx.error(self.object, format!("{name} is not a JSON object")))?;
+        Ok(Some(Reader { ctx: self.ctx, textures: self.textures, members, name, object: self.object }))
+    }
+}
+
 /// Reads every extension that `material` has.
 pub(super) fn apply(
     ctx: &Context<'_>,
     textures: &Wanted,
-    extensions: &Object,
+    members: &Object,
     material: &mut Material,
     object: &str,
 ) -> Result<()> {
-    let open = |name: &'static str| -> Result<Option<Reader<'_, '_>>> {
-        match extensions.get(name) {
-            None => Ok(None),
-            Some(value) => {
-                let members =
-                    value.as_object().ok_or_else(|| ctx.error(object, format!("{name} is not a JSON object")))?;
-                Ok(Some(Reader { ctx, textures, members, name, object }))
-            }
-        }
-    };
-    // First, since it sets what the others may then add to.
-    if let Some(r) = open("KHR_materials_pbrSpecularGlossiness")? {
+    let extensions = Extensions { ctx, textures, members, object };
+    base(&extensions, material)?;
+    layers(&extensions, material)
+}
+
+/// What changes the core model.
+fn base(extensions: &Extensions<'_, '_>, material: &mut Material) -> Result<()> {
+    let (ctx, object) = (extensions.ctx, extensions.object);
+    // First, since it sets what the others may then change.
+    if let Some(r) = extensions.open("KHR_materials_pbrSpecularGlossiness")? {
         specular_glossiness(&r, material)?;
     }
-    material.unlit = open("KHR_materials_unlit")?.is_some();
-    if let Some(r) = open("KHR_materials_emissive_strength")? {
+    material.unlit = extensions.open("KHR_materials_unlit")?.is_some();
+    if let Some(r) = extensions.open("KHR_materials_emissive_strength")? {
         material.emissive *= r.number("emissiveStrength", 1.0, POSITIVE)?;
         if !material.emissive.is_finite() {
             return Err(ctx.error(object, "its emission is not finite"));
         }
     }
-    if let Some(r) = open("KHR_materials_ior")? {
+    if let Some(r) = extensions.open("KHR_materials_ior")? {
         let ior = r.number("ior", 1.5, POSITIVE)?;
         if ior > 0.0 && ior < 1.0 {
             ctx.warn(object, format!("has an index of refraction of {ior}; it is taken as 1"));
         }
         material.ior = if ior > 0.0 { ior.max(1.0) } else { 0.0 };
     }
+    Ok(())
+}
+
+/// What adds layers to it.
+fn layers(extensions: &Extensions<'_, '_>, material: &mut Material) -> Result<()> {
+    let open = |name| extensions.open(name);
     if let Some(r) = open("KHR_materials_specular")? {
         material.specular = Some(Specular {
             factor: r.number("specularFactor", 1.0, UNIT)?,

@@ -337,6 +337,29 @@ fn tiny_png() -> Vec<u8> {
     bytes.into_inner()
 }
 
+/// The numbers are Khronos's TextureTransformTest: the arrow of the image points at (0.778, 0.778), and the quad's
+/// marker for a correct rotation lies at (0.421, 1.016).
+#[test]
+fn texture_rotation_turns_the_way_that_khronos_tests() {
+    let mut bin = Bin::default();
+    let position = bin.floats(&TRIANGLE, "VEC3");
+    let view = bin.view(&tiny_png());
+    let scene = bin
+        .load(&json!({
+            "nodes": [{"mesh": 0}],
+            "images": [{"bufferView": view}],
+            "textures": [{"source": 0}],
+            "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "extensions": {
+                "KHR_texture_transform": {"rotation": std::f64::consts::FRAC_PI_8, "texCoord": 1}}}}}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": position}, "material": 0}]}]
+        }))
+        .unwrap();
+    let reference = scene.materials[0].base_color_texture.unwrap();
+    assert_eq!(reference.uv_set, 1);
+    let there = reference.transform.transform_point2(Vec2::new(0.420_951_8, 1.016_267_5));
+    assert!((there - Vec2::splat(0.777_817)).length() < 2e-6, "{there}");
+}
+
 #[test]
 fn a_broken_image_costs_its_texture_not_the_file() {
     let mut bin = Bin::default();

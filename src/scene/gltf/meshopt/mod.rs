@@ -77,6 +77,7 @@ mod tests {
         }
     }
 
+    #[allow(clippy::cast_possible_truncation, reason = "the low bits are meant")]
     /// Smooth with jumps, so that every width of byte group occurs.
     fn bytes(count: usize, seed: u64) -> Vec<u8> {
         (0..count as u64)
@@ -111,6 +112,7 @@ mod tests {
         vertex_round_trip::<256>();
     }
 
+    #[allow(clippy::cast_possible_truncation, reason = "numbers below 5000")]
     #[test]
     fn index_streams_decode_as_meshoptimizer_encodes_them() {
         let grid: Vec<u32> = (0..40 * 40)
@@ -131,6 +133,7 @@ mod tests {
         }
     }
 
+    #[allow(clippy::cast_possible_truncation, reason = "the low bits are meant")]
     #[test]
     fn filters_agree_with_meshoptimizer() {
         let unit: Vec<[f32; 4]> = (0..500_u64)

@@ -16,7 +16,7 @@ pub(super) fn decode(source: &[u8], count: usize, stride: usize) -> Result<Vec<u
     let mut last: Vec<u8> = tail[..stride].to_vec();
     let mut stream = Stream { data: body, at: 0 };
     let mut out = vec![0; count * stride];
-    let block = (8192 / stride & !(GROUP - 1)).min(256);
+    let block = ((8192 / stride) & !(GROUP - 1)).min(256);
     for vertices in out.chunks_mut(block * stride) {
         decode_block(&mut stream, vertices, &mut last, &tail[stride..], version)?;
     }
