@@ -78,6 +78,7 @@ impl ShotArgs {
             texture_filter: self.texture_filter,
             bounces: self.bounces,
             caustics: if self.caustics { Caustics::On } else { Caustics::Off },
+            aovs: self.aov.clone(),
         }
     }
 

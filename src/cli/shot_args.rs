@@ -5,6 +5,7 @@ use graeco::design::{Dither, Kind};
 use graeco::film::{FilterSpec, ShutterCurve};
 use graeco::output::PixelAspect;
 use graeco::output::video::Standard;
+use graeco::render::aovs::Aov;
 use graeco::time::{FrameRate, Parity, ShutterPhase};
 use graeco::trace::texture::TextureFilter;
 use std::path::PathBuf;
@@ -169,6 +170,10 @@ pub(crate) struct ShotArgs {
     /// Threads [default: one a processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = OUTPUT)]
     pub(crate) threads: Option<u16>,
+
+    /// EXR planes beside the picture: depth, normal, albedo, motion, time, samples, variance, object-id
+    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = PICTURE)]
+    pub(crate) aov: Vec<Aov>,
 
     /// Material variant to wear, by name
     #[arg(long, value_name = "NAME", help_heading = PICTURE)]

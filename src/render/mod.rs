@@ -3,6 +3,7 @@
 //! scene → effects → design → image function → film → output, one exposure at a time. A frame is one exposure, or two
 //! where it is interlaced; every pixel is computed alone, so tiles, threads and machines never show.
 
+pub mod aovs;
 pub mod frames;
 pub mod integrate;
 pub mod progress;

@@ -1,5 +1,6 @@
 //! Everything that decides what a picture shows, in one value: its hash tells whether a finished frame still holds.
 
+use super::aovs::Aov;
 use crate::design::DesignOptions;
 use crate::film::{FilterSpec, Footprint, Lines, Scan, ShutterCurve, Window};
 use crate::output::{FieldOrder, PixelAspect};
@@ -67,6 +68,8 @@ pub struct Settings {
     pub bounces: u16,
     /// Whether lamps light surfaces by way of mirrors and glass.
     pub caustics: Caustics,
+    /// Planes beside the picture.
+    pub aovs: Vec<Aov>,
 }
 
 /// One exposure of a frame: which lines, when, over what.
@@ -150,6 +153,17 @@ impl Settings {
 }
 
 impl PassPlan {
+    /// The instants (seconds) of this exposure's middle, and of the previous and next exposure's: frames, or fields.
+    #[must_use]
+    pub fn neighbours(&self, rate: FrameRate) -> [f64; 3] {
+        let middle = self.interval.middle();
+        let period = match self.lines {
+            Lines::All => rate.period(),
+            Lines::Field(_) => rate.fields().period(),
+        };
+        [middle, middle - period, middle + period]
+    }
+
     /// Whether lines are exposed one after another.
     #[must_use]
     pub fn is_rolling(&self) -> bool {

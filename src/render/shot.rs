@@ -1,18 +1,20 @@
 //! A scene with its settings, rendered frame by frame.
 
 use super::Progress;
+use super::aovs::{self, Aov};
 use super::integrate::{Pass, integrate};
 use super::settings::{PassPlan, Scanning, Settings};
 use crate::design::Design;
 use crate::effects::EffectsPlan;
 use crate::film::{Film, Filter, Window};
 use crate::output::video::separate;
-use crate::output::{FieldFiles, FieldOrder, Metadata, Picture, Record};
+use crate::output::{FieldFiles, FieldOrder, Metadata, Picture, Plane, Record};
 use crate::scene::rig::Rig;
 use crate::scene::view::{View, node_named};
 use crate::scene::{Scene, Stage};
 use crate::time::Exposure;
 use crate::trace::accel::Accel;
+use crate::trace::aov::{Neighbour, Observer};
 use crate::trace::bsdf::Materials;
 use crate::trace::camera::CameraRays;
 use crate::trace::environment::{Background, Environment};
@@ -42,6 +44,8 @@ pub struct FrameCost {
 pub struct Frame {
     /// Estimates of every pixel.
     pub film: Film,
+    /// Planes beside them, as the settings ask.
+    pub planes: Vec<Plane>,
     /// The span of time that it covers: the earlier field's where it is interlaced.
     pub exposure: Exposure,
     /// What it took.
@@ -173,6 +177,8 @@ impl<'a> Shot<'a> {
         let (width, height) = self.settings.size;
         let mut film = Film::new(width, height, self.settings.window()?)?;
         let mut cost = FrameCost::default();
+        let observes = self.settings.aovs.iter().any(|a| a.is_observed());
+        let mut observed = if observes { aovs::blank(film.window()) } else { Vec::new() };
         let (samples, rays) = (progress.samples(), progress.rays());
         for pass in &passes {
             let started = Instant::now();
@@ -188,7 +194,10 @@ impl<'a> Shot<'a> {
             let started = Instant::now();
             let job =
                 Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, frame, field: pass.field };
-            let complete = integrate(&tracer, &design, &job, &mut film, progress);
+            let mut complete = integrate(&tracer, &design, &job, &mut film, progress);
+            if observes && complete {
+                complete = self.observe(pass, (&stage, &accel), &design, &job, film.window(), &mut observed, progress);
+            }
             cost.render_s += started.elapsed().as_secs_f64();
             self.accel = Some(accel);
             if !complete {
@@ -198,7 +207,35 @@ impl<'a> Shot<'a> {
         cost.samples = progress.samples() - samples;
         cost.rays = progress.rays() - rays;
         cost.rejected = film.rejected();
-        Ok(Some(Frame { film, exposure: passes[0].interval, cost }))
+        let planes = aovs::planes(&observed, &self.settings.aovs);
+        Ok(Some(Frame { film, planes, exposure: passes[0].interval, cost }))
+    }
+
+    /// Fills in what the settings ask for besides light.
+    #[allow(clippy::too_many_arguments, reason = "one exposure's parts, borrowed from the only caller")]
+    fn observe(
+        &self,
+        pass: &PassPlan,
+        (stage, accel): (&Stage, &Accel),
+        design: &Design,
+        job: &Pass<'_>,
+        window: Window,
+        observed: &mut [aovs::Observed],
+        progress: &Progress,
+    ) -> bool {
+        let camera = |s: &Stage| CameraRays::new(&s.camera, self.settings.size, self.settings.pixel_aspect.ratio());
+        let stages: Vec<Stage> = if self.settings.aovs.contains(&Aov::Motion) {
+            let at = |t: f64| self.view.stage(&self.rig, Exposure { open: t, close: t });
+            pass.neighbours(self.settings.rate).map(at).to_vec()
+        } else {
+            Vec::new()
+        };
+        let neighbours = match &stages[..] {
+            [now, before, after] => Some([now, before, after].map(|s| Neighbour::new(s, camera(s)))),
+            _ => None,
+        };
+        let observer = Observer::new(self.scene, stage, accel, &self.materials, camera(stage), neighbours);
+        aovs::observe(&observer, design, job, window, observed, progress)
     }
 
     /// What is stored as the pictures' field order.
@@ -221,7 +258,14 @@ impl<'a> Shot<'a> {
             order: self.settings.field_order(),
             record: Arc::clone(&self.record),
         };
-        let picture = Picture::from_film(&frame.film, metadata);
+        let mut picture = Picture::from_film(&frame.film, metadata);
+        if self.settings.aovs.contains(&Aov::Samples) {
+            picture = picture.with_samples(&frame.film);
+        }
+        if self.settings.aovs.contains(&Aov::Variance) {
+            picture = picture.with_variance(&frame.film);
+        }
+        picture.planes.extend(frame.planes.iter().cloned());
         match (self.settings.scanning, fields) {
             (Scanning::Interlaced { .. }, FieldFiles::Separate) => Ok(separate(&picture)?.to_vec()),
             _ => Ok(vec![picture]),

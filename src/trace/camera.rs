@@ -49,22 +49,51 @@ impl CameraRays {
         &self.camera
     }
 
+    /// Where a world point is seen through the middle of the lens at `u_time`, pixels; `None` behind the camera.
+    #[must_use]
+    pub fn project(&self, point: Vec3A, u_time: f32) -> Option<DVec2> {
+        let local = self.camera.motion.at(u_time).inverse().transform_point3a(point).as_dvec3();
+        let view = match self.camera.projection {
+            Projection::Perspective { .. } if local.z < 0.0 => DVec2::new(local.x, local.y) / -local.z,
+            Projection::Perspective { .. } => return None,
+            Projection::Orthographic { .. } => DVec2::new(local.x, local.y),
+        };
+        let unit = view / self.half;
+        let position = DVec2::new(1.0 + unit.x, 1.0 - unit.y) * 0.5 * self.size;
+        position.is_finite().then_some(position)
+    }
+
     /// The ray through a film point, at its time, through the lens point that `point` draws. A pinhole draws nothing.
     #[must_use]
     #[inline]
-    #[allow(clippy::cast_possible_truncation, reason = "view coordinates near 1")]
     pub fn ray(&self, film: FilmPoint, point: &Point<'_>) -> CameraRay {
+        let lens = if self.camera.aperture_radius > 0.0 {
+            let (x, y) = disk_from_square(point.get(Factor::LENS_U), point.get(Factor::LENS_V));
+            Some(Vec3A::new(x, y, 0.0) * self.camera.aperture_radius)
+        } else {
+            None
+        };
+        self.ray_through(film, lens)
+    }
+
+    /// The ray through a film point, at its time, through the middle of the lens.
+    #[must_use]
+    pub fn middle_ray(&self, film: FilmPoint) -> CameraRay {
+        self.ray_through(film, None)
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "view coordinates near 1")]
+    #[inline]
+    fn ray_through(&self, film: FilmPoint, lens: Option<Vec3A>) -> CameraRay {
         let x = ((2.0 * film.position.x / self.size.x - 1.0) * self.half.x) as f32;
         let y = ((1.0 - 2.0 * film.position.y / self.size.y) * self.half.y) as f32;
         let (mut origin, mut direction) = match self.camera.projection {
             Projection::Perspective { .. } => (Vec3A::ZERO, Vec3A::new(x, y, -1.0)),
             Projection::Orthographic { .. } => (Vec3A::new(x, y, 0.0), Vec3A::NEG_Z),
         };
-        if self.camera.aperture_radius > 0.0 {
+        if let Some(lens) = lens {
             let [open, close] = self.camera.focus_distance;
             let focus = open + (close - open) * film.u_time;
-            let (lens_x, lens_y) = disk_from_square(point.get(Factor::LENS_U), point.get(Factor::LENS_V));
-            let lens = Vec3A::new(lens_x, lens_y, 0.0) * self.camera.aperture_radius;
             // Towards the point in focus, scaled so that z stays −1: a focus at infinity would overflow, and the
             // quotient vanishes there as it should.
             direction -= lens / focus;
@@ -127,6 +156,19 @@ mod tests {
             let at_focus = |r: &Ray| r.origin + r.direction * ((-5.0 - r.origin.z) / r.direction.z);
             assert!(at_focus(&p).distance(at_focus(&q)) < 2e-5);
         }
+    }
+
+    #[test]
+    fn projection_undoes_the_pinhole() {
+        let camera = camera(0.0, 1.0);
+        let design = Design::new(&DesignOptions::default(), &[]);
+        let pixel = design.pixel(PixelAddress { x: 0, y: 0, frame: 0, field: 0 });
+        let point = pixel.point(0);
+        let position = DVec2::new(11.3, 40.2);
+        let ray = camera.ray(FilmPoint { position, u_time: 0.0 }, &point).ray;
+        let seen = camera.project(ray.origin + ray.direction * 7.0, 0.0).unwrap();
+        assert!(seen.distance(position) < 1e-4, "{seen}");
+        assert!(camera.project(ray.origin - ray.direction, 0.0).is_none());
     }
 
     #[test]

@@ -5,6 +5,7 @@
 
 pub mod accel;
 pub mod analytic;
+pub mod aov;
 pub mod bsdf;
 pub mod camera;
 pub mod environment;

@@ -35,6 +35,7 @@ pub(crate) fn settings(size: (u32, u32), runs: u32, bounces: u16) -> Settings {
         texture_filter: TextureFilter::default(),
         bounces,
         caustics: Caustics::Off,
+        aovs: Vec::new(),
     }
 }
 
