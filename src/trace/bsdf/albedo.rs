@@ -8,6 +8,8 @@
 //! Every Schlick reflectance F = F₀ + (F₉₀ − F₀)(1 − cos)⁵ has the albedo F₀ S + (F₉₀ − F₀) B, with S the albedo of a
 //! perfect mirror facet and B that of Schlick's weight alone; so two tables serve all materials.
 
+#![allow(clippy::cast_possible_truncation, reason = "means are summed in f64 and rounded once")]
+
 use super::fresnel::{dielectric, schlick_weight};
 use super::ggx::{Ggx, reflect, refract};
 use super::sheen;
@@ -74,15 +76,15 @@ pub(super) struct Table {
 }
 
 impl Table {
-    fn build(axis: Axis, (columns, rows): (usize, usize), value: impl Fn(f32, f32) -> f32) -> Self {
-        let values = (0..columns * rows).map(|i| {
+    fn build(axis: Axis, (columns, rows): (usize, usize), value: impl Fn(f32, f32) -> f32 + Sync) -> Self {
+        let entry = |i: usize| {
             let (row, column) = (i / columns, i % columns);
             // The lowest row stands for the narrowest lobe that is not a mirror.
             let roughness = (row as f32 / (rows - 1) as f32).max(super::ALPHA_SPECULAR.sqrt());
             let x = column as f32 / (columns - 1) as f32;
             value(axis.cosine(x, roughness).clamp(LEAST_COSINE, 1.0), roughness)
-        });
-        Self { axis, columns, rows, values: values.collect() }
+        };
+        Self { axis, columns, rows, values: in_parallel(columns * rows, entry) }
     }
 
     /// Bilinear in the axes.
@@ -96,6 +98,25 @@ impl Table {
         let upper = at(row + 1, column) * (1.0 - x) + at(row + 1, column + 1) * x;
         lower * (1.0 - y) + upper * y
     }
+}
+
+/// `entry` of 0 to `count` − 1, in order, computed by threads of its own: a pool's worker that waits for a table must
+/// not be handed another task that waits for it too.
+fn in_parallel(count: usize, entry: impl Fn(usize) -> f32 + Sync) -> Vec<f32> {
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let mut values = vec![0.0_f32; count];
+    let part = count.div_ceil(threads);
+    std::thread::scope(|scope| {
+        for (number, chunk) in values.chunks_mut(part).enumerate() {
+            let entry = &entry;
+            scope.spawn(move || {
+                for (i, value) in chunk.iter_mut().enumerate() {
+                    *value = entry(number * part + i);
+                }
+            });
+        }
+    });
+    values
 }
 
 /// The cosine that stands for 0 in the tables: at 0 itself a view ray grazes every facet.
@@ -121,25 +142,30 @@ fn view(cos: f32) -> Vec3A {
     Vec3A::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos)
 }
 
-fn ggx_mean(cos: f32, roughness: f32, weight: impl Fn(f32) -> f32) -> f32 {
-    let alpha = roughness * roughness;
-    let (ggx, wo) = (Ggx { alpha: Vec2::splat(alpha) }, view(cos));
-    let mut sum = 0.0_f64;
+/// Albedos of facets that reflect everything, and that reflect Schlick's weight.
+fn ggx_means(cos: f32, roughness: f32) -> (f32, f32) {
+    let (ggx, wo) = (Ggx { alpha: Vec2::splat(roughness * roughness) }, view(cos));
+    let (mut mirror, mut schlick) = (0.0_f64, 0.0_f64);
     for i in 0..POINTS {
         let h = ggx.visible_normal(wo, lattice(i, POINTS));
         let wi = reflect(wo, h);
         if wi.z > 0.0 {
-            sum += f64::from(ggx.shadowing(wo, wi) * weight(wo.dot(h)));
+            let kept = f64::from(ggx.shadowing(wo, wi));
+            mirror += kept;
+            schlick += kept * f64::from(schlick_weight(wo.dot(h)));
         }
     }
-    (sum / f64::from(POINTS)) as f32
+    ((mirror / f64::from(POINTS)) as f32, (schlick / f64::from(POINTS)) as f32)
 }
 
 static MIRROR: LazyLock<Table> =
-    LazyLock::new(|| Table::build(Axis::Shadowing, (SIDE, SIDE), |cos, r| ggx_mean(cos, r, |_| 1.0)));
+    LazyLock::new(|| Table::build(Axis::Shadowing, (SIDE, SIDE), |cos, r| ggx_means(cos, r).0));
 /// Albedo of Schlick's weight relative to that of a mirror: the mean weight of what is reflected.
 static SCHLICK: LazyLock<Table> = LazyLock::new(|| {
-    Table::build(Axis::Root, (SIDE, SIDE), |cos, r| ggx_mean(cos, r, schlick_weight) / ggx_mean(cos, r, |_| 1.0))
+    Table::build(Axis::Root, (SIDE, SIDE), |cos, r| {
+        let (mirror, schlick) = ggx_means(cos, r);
+        schlick / mirror
+    })
 });
 /// Entries along cosine, azimuth, roughness and strength of anisotropy.
 const ANISOTROPIC: [usize; 4] = [20, 8, 14, 8];
@@ -152,27 +178,21 @@ static ANISOTROPIC_MIRROR: LazyLock<Vec<f32>> = LazyLock::new(|| {
     const POINTS: u32 = 256;
     let [cosines, azimuths, roughnesses, strengths] = ANISOTROPIC;
     let along = |i: usize, count: usize| i as f32 / (count - 1) as f32;
-    let mut values = Vec::with_capacity(cosines * azimuths * roughnesses * strengths);
-    for strength in 0..strengths {
-        for roughness in 0..roughnesses {
-            let r = along(roughness, roughnesses).max(super::ALPHA_SPECULAR.sqrt());
-            let narrow = r * r;
-            let wide = narrow + (1.0 - narrow) * along(strength, strengths);
-            let ggx = Ggx { alpha: Vec2::new(wide, narrow) };
-            for azimuth in 0..azimuths {
-                let x = along(azimuth, azimuths);
-                let direction = Vec2::new(x / wide, (1.0 - x * x).max(0.0).sqrt() / narrow).normalize();
-                let met = (direction * ggx.alpha).length();
-                for cosine in 0..cosines {
-                    let cos = Axis::Shadowing.cosine(along(cosine, cosines), met.sqrt()).clamp(LEAST_COSINE, 1.0);
-                    let side = (1.0 - cos * cos).max(0.0).sqrt();
-                    let wo = Vec3A::new(direction.x * side, direction.y * side, cos);
-                    values.push(mirror_mean(ggx, wo, POINTS));
-                }
-            }
-        }
-    }
-    values
+    in_parallel(cosines * azimuths * roughnesses * strengths, |i| {
+        let (cosine, i) = (i % cosines, i / cosines);
+        let (azimuth, i) = (i % azimuths, i / azimuths);
+        let (roughness, strength) = (i % roughnesses, i / roughnesses);
+        let r = along(roughness, roughnesses).max(super::ALPHA_SPECULAR.sqrt());
+        let narrow = r * r;
+        let wide = narrow + (1.0 - narrow) * along(strength, strengths);
+        let ggx = Ggx { alpha: Vec2::new(wide, narrow) };
+        let x = along(azimuth, azimuths);
+        let direction = Vec2::new(x / wide, (1.0 - x * x).max(0.0).sqrt() / narrow).normalize();
+        let met = (direction * ggx.alpha).length();
+        let cos = Axis::Shadowing.cosine(along(cosine, cosines), met.sqrt()).clamp(LEAST_COSINE, 1.0);
+        let side = (1.0 - cos * cos).max(0.0).sqrt();
+        mirror_mean(ggx, Vec3A::new(direction.x * side, direction.y * side, cos), POINTS)
+    })
 });
 
 fn mirror_mean(ggx: Ggx, wo: Vec3A, points: u32) -> f32 {
@@ -295,6 +315,17 @@ pub(super) fn mean_compensated(roughness: f32, f0: f32, f90: f32) -> f32 {
     f0 * s + (f90 - f0) * b + f0 * (f0 * s_lost + (f90 - f0) * b_lost)
 }
 
+/// Computes what every material reads, before rendering starts; `sheen` and `anisotropy` only where a material asks.
+pub(super) fn prepare(sheen: bool, anisotropy: bool) {
+    LazyLock::force(&MEANS);
+    if sheen {
+        LazyLock::force(&SHEEN);
+    }
+    if anisotropy {
+        LazyLock::force(&ANISOTROPIC_MIRROR);
+    }
+}
+
 fn sheen_mean(cos: f32, roughness: f32) -> f32 {
     let wo = view(cos);
     let mut sum = 0.0_f64;
@@ -373,7 +404,7 @@ mod tests {
         for i in 0..40_u16 {
             for j in 0..40_u16 {
                 let (cos, r) = ((f32::from(i) + 0.37) / 40.0, (f32::from(j) + 0.61) / 40.0);
-                let error = (GgxAlbedo::at(cos, r).mirror - ggx_mean(cos, r, |_| 1.0)).abs();
+                let error = (GgxAlbedo::at(cos, r).mirror - ggx_means(cos, r).0).abs();
                 if error > worst.0 {
                     worst = (error, cos, r);
                 }

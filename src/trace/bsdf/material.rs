@@ -1,6 +1,6 @@
 //! What is prepared once for each material of a scene.
 
-use super::albedo::Glass;
+use super::albedo::{self, Glass};
 use crate::scene::{AlphaMode, Material, MaterialId, Scene};
 use crate::trace::texture::{ColorSpace, Footprint, TextureFilter, Textures};
 use glam::{Vec2, Vec3};
@@ -37,6 +37,8 @@ impl Materials {
     /// Prepares the scene's materials for lookups under `filter`.
     #[must_use]
     pub fn new(scene: &Scene, filter: TextureFilter) -> Self {
+        let any = |used: fn(&Material) -> bool| scene.materials.iter().any(used);
+        albedo::prepare(any(|m| m.sheen.is_some()), any(|m| m.anisotropy.is_some()));
         let media: Vec<_> = scene.materials.iter().map(medium_of).collect();
         let mut by_ior: HashMap<u32, Arc<[Glass; 2]>> = HashMap::new();
         let mut tables = |m: &Medium| {

@@ -66,6 +66,7 @@ fn white<'a>(name: &str, below: f32, set: impl Fn(&mut Parameters<'a>, f32)) {
             }
         }
     }
+    println!("{name}: least {least:?} most {most:?}");
     assert!(least.0 > 1.0 - below && most.0 <= 1.0 + 1e-3, "{name}: least {least:?} most {most:?}");
 }
 

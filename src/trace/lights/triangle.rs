@@ -1,19 +1,26 @@
 //! Sampling a triangle seen from a point: by solid angle where it is large, by area where it is tiny.
 
-use crate::numeric::{gamma, sin_cos};
-use crate::trace::warp::triangle_from_square;
-use glam::{Vec2, Vec3A};
-use std::f32::consts::PI;
+use crate::trace::warp::{tangents_of, triangle_from_square, uniform_hemisphere_from_square, uniform_hemisphere_pdf};
+use glam::{DVec3, Vec2, Vec3A};
+use std::f64::consts::PI;
 
-/// Least solid angle, sr, that is sampled as a spherical triangle.
-///
-/// The angles of the sampled sub-triangle err by γ₁₆ while they carry the solid angle as their excess over π: at this
-/// limit the area placed is wrong by a thousandth at most. A smaller triangle is 2.5 degrees wide or seen edge-on.
-const LEAST_SOLID_ANGLE: f32 = 1000.0 * gamma(16);
+/// Least solid angle, sr, that is sampled as a spherical triangle. Below, the triangle is 2.5 degrees wide or seen
+/// edge-on, the density hardly varies over it, and area sampling costs a tenth. (In f64 the spherical formulas would
+/// hold to 1e-9 sr: the limit is one of cost, where that of f32 would be one of accuracy, 1000 γ₁₆.)
+const LEAST_SOLID_ANGLE: f32 = 1e-3;
 
 /// Greatest solid angle that is sampled as a spherical triangle: beyond, the point all but touches the triangle and
-/// its edges run through opposite directions, which leaves arcs undefined. The same margin from 2π as above from 0.
-const MOST_SOLID_ANGLE: f32 = 2.0 * PI - 0.06;
+/// its edges run through opposite directions, which leaves arcs undefined. Then the whole half space before the
+/// triangle's plane is sampled instead; the 1 % of directions that pass beside the triangle give nothing.
+const MOST_SOLID_ANGLE: f32 = std::f32::consts::TAU - 0.06;
+
+/// How a triangle is sampled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Way {
+    Area,
+    SolidAngle,
+    HalfSpace,
+}
 
 /// A triangle relative to the receiving point.
 #[derive(Debug, Clone, Copy)]
@@ -42,15 +49,19 @@ impl SeenTriangle {
     pub(super) fn new(corners: [Vec3A; 3], from: Vec3A) -> Option<Self> {
         let [a, b, c] = corners.map(|v| v - from);
         let normal2 = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        if normal2.length_squared() < f32::MIN_POSITIVE || !normal2.is_finite() {
+        // Its square may leave f32 where itself does not: the largest component decides.
+        if normal2.abs().max_element() < f32::MIN_POSITIVE || !normal2.is_finite() {
             return None;
         }
-        // Van Oosterom and Strackee (1983), with the triple product from edge differences: it keeps its relative
-        // accuracy however small the triangle looks, where that of unit vectors cancels.
-        let (la, lb, lc) = (a.length(), b.length(), c.length());
-        let volume = a.dot(normal2).abs();
-        let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-        let solid_angle = 2.0 * libm::atan2f(volume, below);
+        // Van Oosterom and Strackee (1983), in f64: seen from near a large triangle its corners lie in almost opposite
+        // directions and the sum below cancels to (distance / size)² of its terms. The triple product is that of edge
+        // differences, which keeps its relative accuracy however small the triangle looks.
+        let [da, db, dc] = [a, b, c].map(|v| v.as_dvec3());
+        let (la, lb, lc) = (da.length(), db.length(), dc.length());
+        let volume = da.dot((db - da).cross(dc - da)).abs();
+        let below = la * lb * lc + da.dot(db) * lc + db.dot(dc) * la + dc.dot(da) * lb;
+        #[allow(clippy::cast_possible_truncation, reason = "an angle, rounded once")]
+        let solid_angle = 2.0 * libm::atan2(volume, below) as f32;
         Some(Self { corners: [a, b, c], normal2, solid_angle })
     }
 
@@ -61,35 +72,47 @@ impl SeenTriangle {
     }
 
     #[inline]
-    fn by_solid_angle(&self) -> bool {
-        (LEAST_SOLID_ANGLE..MOST_SOLID_ANGLE).contains(&self.solid_angle)
+    fn way(&self) -> Way {
+        if self.solid_angle >= MOST_SOLID_ANGLE {
+            Way::HalfSpace
+        } else if self.solid_angle >= LEAST_SOLID_ANGLE {
+            Way::SolidAngle
+        } else {
+            Way::Area
+        }
     }
 
     /// Density by solid angle of the direction `wi` (unit), which meets the triangle at `distance`.
     #[inline]
     pub(super) fn pdf(&self, wi: Vec3A, distance: f32) -> f32 {
-        if self.by_solid_angle() {
-            return 1.0 / self.solid_angle;
+        match self.way() {
+            Way::HalfSpace => uniform_hemisphere_pdf(),
+            Way::SolidAngle => 1.0 / self.solid_angle,
+            Way::Area => {
+                // Area is half of |normal2|: pdf = d² / (A |cos|).
+                let flux = 0.5 * self.normal2.dot(wi).abs();
+                if flux > 0.0 { (distance / flux * distance).min(f32::MAX) } else { 0.0 }
+            }
         }
-        // Area is half of |normal2|: pdf = d² / (A |cos|).
-        let flux = 0.5 * self.normal2.dot(wi).abs();
-        if flux > 0.0 { (distance * distance / flux).min(f32::MAX) } else { 0.0 }
     }
 
     /// A direction towards the triangle.
     #[inline]
     pub(super) fn sample(&self, u: Vec2) -> Option<TriangleSample> {
-        if self.by_solid_angle()
-            && let Some(wi) = self.spherical(u)
-        {
-            let along = self.normal2.dot(wi);
-            let distance = self.normal2.dot(self.corners[0]) / along;
-            if !(distance.is_finite() && distance > 0.0) {
-                return None;
-            }
-            let barycentric = self.barycentric(wi * distance);
-            return Some(TriangleSample { wi, distance, barycentric, pdf_solid_angle: 1.0 / self.solid_angle });
+        let wi = match self.way() {
+            Way::Area => return self.by_area(u),
+            Way::SolidAngle => self.spherical(u)?,
+            Way::HalfSpace => self.before_plane(u)?,
+        };
+        let distance = self.normal2.dot(self.corners[0]) / self.normal2.dot(wi);
+        if !(distance.is_finite() && distance > 0.0) {
+            return None;
         }
+        let barycentric = self.barycentric(wi * distance);
+        Some(TriangleSample { wi, distance, barycentric, pdf_solid_angle: self.pdf(wi, distance) })
+    }
+
+    fn by_area(&self, u: Vec2) -> Option<TriangleSample> {
         let barycentric = triangle_from_square(u);
         let [a, b, c] = self.corners;
         let to = a * (1.0 - barycentric.x - barycentric.y) + b * barycentric.x + c * barycentric.y;
@@ -98,33 +121,61 @@ impl SeenTriangle {
             return None;
         }
         let wi = to / distance;
-        let pdf_solid_angle = if self.by_solid_angle() { 1.0 / self.solid_angle } else { self.pdf(wi, distance) };
+        let pdf_solid_angle = self.pdf(wi, distance);
         (pdf_solid_angle > 0.0).then_some(TriangleSample { wi, distance, barycentric, pdf_solid_angle })
+    }
+
+    /// A direction uniform over the half space before the plane; `None` beside the triangle.
+    fn before_plane(&self, u: Vec2) -> Option<Vec3A> {
+        let towards = (self.normal2 / self.normal2.abs().max_element()).normalize();
+        let towards = if self.facing() > 0.0 { -towards } else { towards };
+        let (t, b) = tangents_of(towards);
+        let w = uniform_hemisphere_from_square(u);
+        let wi = (t * w.x + b * w.y + towards * w.z).normalize();
+        // Inside, if it lies on the same side of all three planes through the point and an edge.
+        let [a, b, c] = self.corners.map(Vec3A::normalize);
+        let sides = [a.cross(b), b.cross(c), c.cross(a)].map(|n| n.dot(wi));
+        let inside = sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0);
+        inside.then_some(wi)
     }
 
     /// Barycentric weights of a point of the plane, clamped to the triangle.
     fn barycentric(&self, p: Vec3A) -> Vec2 {
         let [a, b, c] = self.corners;
-        let scale = 1.0 / self.normal2.length_squared();
-        let v = (p - a).cross(c - a).dot(self.normal2) * scale;
-        let w = (b - a).cross(p - a).dot(self.normal2) * scale;
+        // Scaled, so that no square leaves f32.
+        let n = self.normal2 / self.normal2.abs().max_element();
+        let whole = self.normal2.dot(n);
+        let v = (p - a).cross(c - a).dot(n) / whole;
+        let w = (b - a).cross(p - a).dot(n) / whole;
         let (v, w) = (v.clamp(0.0, 1.0), w.clamp(0.0, 1.0));
         let over = (v + w).max(1.0);
         Vec2::new(v / over, w / over)
     }
 
-    /// A direction uniform over the spherical triangle (Arvo 1995, "Stratified Sampling of Spherical Triangles").
+    /// A direction uniform over the spherical triangle (Arvo 1995, "Stratified Sampling of Spherical Triangles"), in
+    /// f64: arcs between almost opposite corners are otherwise lost.
     fn spherical(&self, u: Vec2) -> Option<Vec3A> {
-        let [a, b, c] = self.corners.map(Vec3A::normalize);
-        let normal_of = |x: Vec3A, y: Vec3A| x.cross(y).try_normalize();
+        let [a, b, c] = self.corners.map(|v| v.as_dvec3().normalize());
+        // Arcs run from b to the side ac. That must be the longest: from a corner almost opposite to another, all
+        // arcs would start out through that one.
+        let (ab, bc, ca) = (a.dot(b), b.dot(c), c.dot(a));
+        let (a, b, c) = if ca <= ab && ca <= bc {
+            (a, b, c)
+        } else if ab <= bc {
+            (b, c, a)
+        } else {
+            (c, a, b)
+        };
+        let normal_of = |x: DVec3, y: DVec3| x.cross(y).try_normalize();
         let (ab, bc, ca) = (normal_of(a, b)?, normal_of(b, c)?, normal_of(c, a)?);
         let alpha = angle_between(ab, -ca);
         let beta = angle_between(bc, -ab);
         let gamma = angle_between(ca, -bc);
         // The part of the area that lies before the sampled arc through b.
-        let area = PI * (1.0 - u.x) + (alpha + beta + gamma) * u.x;
-        let (sin_alpha, cos_alpha) = sin_cos(alpha);
-        let (sin_area, cos_area) = sin_cos(area);
+        let x = f64::from(u.x);
+        let area = PI * (1.0 - x) + (alpha + beta + gamma) * x;
+        let (sin_alpha, cos_alpha) = libm::sincos(alpha);
+        let (sin_area, cos_area) = libm::sincos(area);
         let sin_phi = sin_area * cos_alpha - cos_area * sin_alpha;
         let cos_phi = cos_area * cos_alpha + sin_area * sin_alpha;
         let k1 = cos_phi + cos_alpha;
@@ -135,16 +186,16 @@ impl SeenTriangle {
             return None;
         }
         let sin_bp = (1.0 - cos_bp * cos_bp).max(0.0).sqrt();
-        let across = |v: Vec3A, n: Vec3A| (v - n * v.dot(n)).try_normalize();
+        let across = |v: DVec3, n: DVec3| (v - n * v.dot(n)).try_normalize();
         let cp = (a * cos_bp + across(c, a)? * sin_bp).normalize();
         // 1 − cos of the arc from b to cp, from their distance: no cancellation for short arcs.
-        let z = u.y * 0.5 * (cp - b).length_squared();
+        let z = f64::from(u.y) * 0.5 * (cp - b).length_squared();
         let sin = (z * (2.0 - z)).max(0.0).sqrt();
-        let wi = b * (1.0 - z) + across(cp, b).unwrap_or(Vec3A::ZERO) * sin;
-        wi.try_normalize()
+        let wi = b * (1.0 - z) + across(cp, b).unwrap_or(DVec3::ZERO) * sin;
+        wi.as_vec3a().try_normalize()
     }
 }
 
-fn angle_between(a: Vec3A, b: Vec3A) -> f32 {
-    libm::atan2f(a.cross(b).length(), a.dot(b))
+fn angle_between(a: DVec3, b: DVec3) -> f64 {
+    libm::atan2(a.cross(b).length(), a.dot(b))
 }

@@ -1,5 +1,7 @@
 //! Levels of halved resolution in linear light.
 
+#![allow(clippy::cast_possible_truncation, reason = "tables are computed in f64 and rounded once")]
+
 use super::ColorSpace;
 use crate::scene::{Image, Pixels};
 use glam::{DVec4, Vec3, Vec4};
