@@ -2,6 +2,8 @@
 //! the naive formula, which its data must catch.
 
 mod geometry;
+mod light;
+mod materials;
 mod motion_bounds;
 mod self_intersection;
 mod support;

@@ -43,20 +43,16 @@ fn glass(ior: f32) -> Material {
 fn every_material() -> Vec<Material> {
     let plain = Material { metallic: 0.0, double_sided: true, ..Material::default() };
     let thin = Some(Transmission { factor: 1.0, texture: None, volume: None, dispersion: 0.0 });
-    let coat = Some(Clearcoat {
-        factor: 1.0,
-        texture: None,
-        roughness: 0.0,
-        roughness_texture: None,
-        normal_texture: None,
-    });
+    let coat =
+        Some(Clearcoat { factor: 1.0, texture: None, roughness: 0.0, roughness_texture: None, normal_texture: None });
     let sheen = Some(Sheen { color: Vec3::ONE, color_texture: None, roughness: 0.0, roughness_texture: None });
     let film = |nm: f32| {
         Some(Iridescence { factor: 1.0, texture: None, ior: 1.3, thickness_nm: (0.0, nm), thickness_texture: None })
     };
     let brushed = Some(Anisotropy { strength: 1.0, rotation: 1.0, texture: None });
-    let specular =
-        |factor: f32, color: f32| Some(Specular { factor, texture: None, color: Vec3::splat(color), color_texture: None });
+    let specular = |factor: f32, color: f32| {
+        Some(Specular { factor, texture: None, color: Vec3::splat(color), color_texture: None })
+    };
     vec![
         plain.clone(),
         Material { metallic: 1.0, ..plain.clone() },
@@ -181,11 +177,27 @@ fn textures_of_one_texel_and_of_a_strip_are_read_everywhere() {
     for (width, height) in [(1_u32, 1_u32), (16_384, 1), (1, 16_384)] {
         let count = width as usize * height as usize;
         let mut scene = Scene::default();
-        scene.images.push(Image { name: String::new(), width, height, pixels: Pixels::Rgba8(vec![[188, 128, 255, 255]; count]) });
+        scene.images.push(Image {
+            name: String::new(),
+            width,
+            height,
+            pixels: Pixels::Rgba8(vec![[188, 128, 255, 255]; count]),
+        });
         let filter = TexelFilter::Linear;
-        scene.textures.push(Texture { image: 0, wrap: [Wrap::Repeat; 2], magnify: filter, minify: filter, mipmapped: true });
+        scene.textures.push(Texture {
+            image: 0,
+            wrap: [Wrap::Repeat; 2],
+            magnify: filter,
+            minify: filter,
+            mipmapped: true,
+        });
         let texture = Some(TextureRef { texture: 0, uv_set: 0, transform: Affine2::from_scale(Vec2::new(1e6, -3.0)) });
-        scene.materials.push(Material { base_color_texture: texture, alpha_mode: AlphaMode::Blend, unlit: true, ..Material::default() });
+        scene.materials.push(Material {
+            base_color_texture: texture,
+            alpha_mode: AlphaMode::Blend,
+            unlit: true,
+            ..Material::default()
+        });
         for filter in [TextureFilter::Point, TextureFilter::Mip, TextureFilter::Stochastic] {
             let materials = Materials::new(&scene, filter);
             for cone_width in [0.0_f32, 1e-9, 1.0, 1e9, f32::MAX] {
