@@ -81,7 +81,7 @@ fn layout() -> Vec<Ball> {
     let jump = (nine_velocity - cue_velocity).dot(line);
     let nine_after = nine_velocity - jump * line;
     let meeting = nine + nine_after * (0.16 * EXPOSURE);
-    let push = DVec2::new(-0.90, -0.436).normalize();
+    let push = DVec2::new(-0.79, -0.613).normalize();
     let eight = meeting + push * (2.0 * RADIUS);
     let four = eight + push * (2.0 * RADIUS + nine_after.dot(push) * 0.34 * EXPOSURE);
     let at = |skin, place, velocity, pose| Ball {

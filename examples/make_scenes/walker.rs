@@ -52,7 +52,7 @@ pub(crate) fn make() -> Vec<u8> {
     let mut b = Builder::default();
     stage(&mut b);
     // He walks a little towards the camera, so that his eyes show.
-    let course = b.add(Place::new("course").turned(DQuat::from_rotation_y(-0.42)));
+    let course = b.add(Place::new("course").turned(DQuat::from_rotation_y(-0.52)));
     let walker = b.add(Place::new("walker").under(course).at(-0.5 * SPEED * END, 0.0, 0.0));
     let skeleton = skeleton(&mut b, walker);
     let order = joints(&skeleton);
@@ -315,13 +315,13 @@ fn stage(b: &mut Builder) {
     let mut arch_path = vec![DVec3::new(0.42, 0.0, 0.0)];
     arch_path.extend(arch);
     arch_path.push(DVec3::new(-0.42, 0.0, 0.0));
-    b.put(Place::new("arch").at(-0.35, 0.0, -0.75), &Shape::wire(&arch_path, 0.085, 32, Ends::Open).plain(), white);
+    b.put(Place::new("arch").at(-0.30, 0.0, -1.1), &Shape::wire(&arch_path, 0.085, 32, Ends::Open).plain(), white);
     let steps: [(f64, f64); 3] = [(0.78, 0.16), (0.98, 0.30), (1.18, 0.44)];
     for (x, h) in steps {
         let block = Shape::block(DVec3::new(0.1, 0.5 * h, 0.16), 0.012, 3).plain();
         b.put(Place::new("block").at(x, 0.5 * h, -0.62), &block, plum);
     }
-    b.put(Place::new("ball").at(-1.05, 0.15, -0.45), &Shape::ball(0.15, 64, 32).plain(), mustard);
+    b.put(Place::new("ball").at(-1.28, 0.15, -0.85), &Shape::ball(0.15, 64, 32).plain(), mustard);
     area_light(b, "key", [-1.3, 2.2, 1.9], [0.0, 0.4, 0.0], (1.2, 1.2), lamp(4800.0) * 12.5);
     area_light(b, "fill", [2.6, 1.3, 2.0], [0.0, 0.4, 0.0], (0.9, 1.8), lamp(8000.0) * 5.5);
     area_light(b, "top", [0.0, 2.9, -0.8], [0.0, 0.0, -0.5], (3.0, 1.0), lamp(6200.0) * 4.0);
