@@ -7,6 +7,8 @@ use clap::Parser;
 use graeco::Error;
 use std::process::ExitCode;
 
+/// What the user asked for cannot be: clap ends with the same.
+const EXIT_USAGE: u8 = 2;
 /// Worth retrying: what schedulers take for "requeue me" (`EX_TEMPFAIL` of sysexits.h).
 const EXIT_RETRY: u8 = 75;
 /// What a shell reports for a program that an interrupt ended.
@@ -20,6 +22,7 @@ fn main() -> ExitCode {
             eprintln!("graeco: {error}");
             match error {
                 Error::Interrupted { .. } => ExitCode::from(EXIT_INTERRUPTED),
+                Error::Invalid { .. } => ExitCode::from(EXIT_USAGE),
                 e if e.worth_retrying() => ExitCode::from(EXIT_RETRY),
                 _ => ExitCode::FAILURE,
             }
