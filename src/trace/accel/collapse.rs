@@ -75,11 +75,7 @@ pub(super) fn collapse(tree: &[Node2], references: &[Reference], rule: LeafRule)
             let share = choices[at as usize].left[0];
             children.gather(tree, &choices, at + 1, share);
             children.gather(tree, &choices, node.right, 8 - share);
-            let children = &mut children.found[..children.count];
-            // Largest first: an any-hit traversal, which does not sort, meets the likeliest child first.
-            children.sort_by(|&a, &b| {
-                tree[b as usize].half_area().total_cmp(&tree[a as usize].half_area()).then(a.cmp(&b))
-            });
+            let children = &children.found[..children.count];
             let me = shape.nodes.len() - 1;
             pending.extend(children.iter().enumerate().rev().map(|(slot, &child)| (child, Some((me, slot)))));
             index(me)

@@ -17,9 +17,13 @@ pub(super) trait Isa {
     /// Tests the boxes of a moving node at fraction `time` of its segment.
     fn open_moving(node: &MovingNode, ray: &RayFrame, time: f32, limit: f32) -> Opened;
 
-    /// Walks a tree of still triangles.
+    /// Says that `thing` is read soon.
+    fn prefetch<T>(thing: &T);
+
+    /// Walks what lies below `root` of a tree of still triangles.
     fn walk_still<const ANY: bool>(
         tree: &StillTree,
+        root: u32,
         ray: &RayFrame,
         space: u32,
         query: &mut Query<'_>,
@@ -42,6 +46,9 @@ pub(super) struct Portable;
 
 impl Isa for Portable {
     #[inline(always)]
+    fn prefetch<T>(_thing: &T) {}
+
+    #[inline(always)]
     fn open_still(node: &StillNode, ray: &RayFrame, limit: f32) -> Opened {
         slabs(|i| node.bounds[i].0, ray, limit)
     }
@@ -53,12 +60,13 @@ impl Isa for Portable {
 
     fn walk_still<const ANY: bool>(
         tree: &StillTree,
+        root: u32,
         ray: &RayFrame,
         space: u32,
         query: &mut Query<'_>,
         stack: &mut [u64],
     ) -> bool {
-        walk_triangles::<Self, _, _, ANY>(tree, ray, 0.0, space, query, stack)
+        walk_triangles::<Self, _, _, ANY>(tree, root, ray, 0.0, space, query, stack)
     }
 
     fn walk_moving<const ANY: bool>(
@@ -69,7 +77,7 @@ impl Isa for Portable {
         query: &mut Query<'_>,
         stack: &mut [u64],
     ) -> bool {
-        walk_triangles::<Self, _, _, ANY>(tree, ray, time, space, query, stack)
+        walk_triangles::<Self, _, _, ANY>(tree, tree.nodes.root, ray, time, space, query, stack)
     }
 }
 
@@ -120,8 +128,8 @@ mod avx2 {
 
     use super::{Isa, MovingNode, MovingTree, Opened, Planes, Query, RayFrame, StillNode, StillTree, walk_triangles};
     use std::arch::x86_64::{
-        __m256, _CMP_LE_OQ, _mm256_add_ps, _mm256_cmp_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps,
-        _mm256_mul_ps, _mm256_set1_ps, _mm256_setzero_ps, _mm256_sub_ps,
+        __m256, _CMP_LE_OQ, _MM_HINT_T0, _mm_prefetch, _mm256_add_ps, _mm256_cmp_ps, _mm256_max_ps, _mm256_min_ps,
+        _mm256_movemask_ps, _mm256_mul_ps, _mm256_set1_ps, _mm256_setzero_ps, _mm256_sub_ps,
     };
 
     /// A processor with AVX2. Code for it is reached only after the processor was asked: see `Kernel::detect`.
@@ -177,12 +185,13 @@ mod avx2 {
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
     fn walk_still<const ANY: bool>(
         tree: &StillTree,
+        root: u32,
         ray: &RayFrame,
         space: u32,
         query: &mut Query<'_>,
         stack: &mut [u64],
     ) -> bool {
-        walk_triangles::<Avx2, _, _, ANY>(tree, ray, 0.0, space, query, stack)
+        walk_triangles::<Avx2, _, _, ANY>(tree, root, ray, 0.0, space, query, stack)
     }
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
@@ -194,10 +203,19 @@ mod avx2 {
         query: &mut Query<'_>,
         stack: &mut [u64],
     ) -> bool {
-        walk_triangles::<Avx2, _, _, ANY>(tree, ray, time, space, query, stack)
+        walk_triangles::<Avx2, _, _, ANY>(tree, tree.nodes.root, ray, time, space, query, stack)
     }
 
     impl Isa for Avx2 {
+        #[inline(always)]
+        fn prefetch<T>(thing: &T) {
+            let first = std::ptr::from_ref(thing).cast::<i8>();
+            for line in 0..size_of::<T>().div_ceil(64).min(4) {
+                // SAFETY: SSE is part of every x86-64; a prefetch reads nothing, whatever the address.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(64 * line)) };
+            }
+        }
+
         #[inline(always)]
         fn open_still(node: &StillNode, ray: &RayFrame, limit: f32) -> Opened {
             // SAFETY: the processor has the features, see `Avx2`.
@@ -212,13 +230,14 @@ mod avx2 {
 
         fn walk_still<const ANY: bool>(
             tree: &StillTree,
+            root: u32,
             ray: &RayFrame,
             space: u32,
             query: &mut Query<'_>,
             stack: &mut [u64],
         ) -> bool {
             // SAFETY: the processor has the features, see `Avx2`.
-            unsafe { walk_still::<ANY>(tree, ray, space, query, stack) }
+            unsafe { walk_still::<ANY>(tree, root, ray, space, query, stack) }
         }
 
         fn walk_moving<const ANY: bool>(

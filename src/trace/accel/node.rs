@@ -3,7 +3,8 @@
 use super::collapse::{NO_CHILD, WIDTH};
 use super::frame::RayFrame;
 use super::isa::Isa;
-use super::linear::LinearBox;
+use super::linear::{Aabb, LinearBox};
+use glam::Vec3A;
 
 /// One plane of each of the eight children.
 #[derive(Debug, Clone, Copy)]
@@ -46,6 +47,14 @@ pub(super) trait WideNode: Sync + Send + Sized {
 
     /// Tests all eight boxes at fraction `time` of the segment.
     fn open<I: Isa>(&self, ray: &RayFrame, time: f32, limit: f32) -> Opened;
+}
+
+impl StillNode {
+    /// The box of child `child`.
+    pub(super) fn child_box(&self, child: usize) -> Aabb {
+        let at = |plane: usize| self.bounds[plane].0[child];
+        Aabb { lo: Vec3A::new(at(0), at(1), at(2)), hi: Vec3A::new(at(3), at(4), at(5)) }
+    }
 }
 
 fn planes(boxes: &[LinearBox; WIDTH], at_end: bool) -> [Planes; 6] {

@@ -4,11 +4,11 @@ use super::body::{Body, Form};
 use super::collapse::{self, BLOCK, LeafRule, NO_TRIANGLE, Shape};
 use super::frame::RayFrame;
 use super::isa::Isa;
-use super::linear::{Aabb, LinearBox};
+use super::linear::LinearBox;
 use super::node::{MovingNode, StillNode, WideNode};
 use super::sweep::swept;
 use super::topology::{self, Reference};
-use super::tree::Nodes;
+use super::tree::{Nodes, StillTree};
 use super::walk::{Query, Visit, WORLD, walk};
 use super::world::World;
 use crate::scene::Motion;
@@ -52,12 +52,21 @@ impl Pose {
     }
 }
 
-/// A tree over places; the world's structure is one of them.
+/// What stands in a tree of places.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Item {
+    /// The place of this number.
+    Place(u32),
+    /// The part of the world's structure below this node or leaf of it.
+    World(u32),
+}
+
+/// A tree over places and parts of the world's structure.
 #[derive(Debug)]
 pub(super) struct TopTree<N> {
     pub(super) nodes: Nodes<N>,
-    /// The place of each leaf, or [`WORLD`].
-    pub(super) items: Vec<u32>,
+    /// What each leaf stands for.
+    pub(super) items: Vec<Item>,
 }
 
 /// The top level.
@@ -74,6 +83,10 @@ pub(super) enum Top {
 /// One place to a leaf. Entering one costs a ray about four visits of a node: a matrix inverse, a new frame, a root.
 const PLACE_LEAF: LeafRule = LeafRule { most: 1, cost: 4.0 };
 
+/// Into how many parts the world's structure is opened at most (no more than there are places), so that places are met
+/// between its parts in the order of distance (Benthin et al. 2017, *Improved Two-Level BVHs using Partial Re-Braiding*).
+const MOST_PARTS: usize = 64;
+
 /// Most slabs of time.
 const MOST_SLABS: usize = 64;
 
@@ -86,13 +99,13 @@ impl Top {
         if places.is_empty() {
             return Self::World;
         }
-        let world_box = world.map_or(Aabb::EMPTY, |w| w.tree.nodes.bounds);
+        let parts = world.map_or_else(Vec::new, |w| w.tree.nodes.opened(MOST_PARTS.min(places.len())));
         let still = places.iter().all(|p| p.body.motion.boxes.len() == 1 && !matches!(p.pose, Pose::Moving(_)));
-        let boxes = |begin: f32, end: f32| -> Vec<(u32, LinearBox)> {
+        let boxes = |begin: f32, end: f32| -> Vec<(Item, LinearBox)> {
             use rayon::prelude::*;
-            let mut boxes: Vec<_> =
-                places.par_iter().enumerate().map(|(i, p)| (index(i), p.bounds(begin, end))).collect();
-            boxes.push((WORLD, LinearBox::still(world_box)));
+            let place = |(i, p): (usize, &Place)| (Item::Place(index(i)), p.bounds(begin, end));
+            let mut boxes: Vec<_> = places.par_iter().enumerate().map(place).collect();
+            boxes.extend(parts.iter().map(|&(root, b)| (Item::World(root), LinearBox::still(b))));
             boxes.retain(|(_, b)| !b.swept().is_empty());
             boxes
         };
@@ -153,7 +166,7 @@ fn slab_count(places: &[Place]) -> usize {
 }
 
 impl<N: WideNode> TopTree<N> {
-    fn build(boxes: &[(u32, LinearBox)]) -> Self {
+    fn build(boxes: &[(Item, LinearBox)]) -> Self {
         let mut references: Vec<Reference> = boxes
             .iter()
             .enumerate()
@@ -187,10 +200,8 @@ impl Place {
                 Some((inverse.transform_point3a(ray.origin), inverse.transform_vector3a(ray.direction)))
             }
             Pose::Moving(motion) => {
-                let inverse = motion.at(ray.u_time).inverse();
-                inverse
-                    .is_finite()
-                    .then(|| (inverse.transform_point3a(ray.origin), inverse.transform_vector3a(ray.direction)))
+                let (origin, direction) = solved(&motion.at(ray.u_time), ray.origin, ray.direction);
+                (origin.is_finite() && direction.is_finite()).then_some((origin, direction))
             }
         }
     }
@@ -203,36 +214,50 @@ pub(super) struct Structures<'a> {
     pub(super) top: &'a Top,
 }
 
-impl Structures<'_> {
-    #[inline(always)]
-    fn walk_world<I: Isa, const ANY: bool>(&self, ray: &Ray, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
-        let Some(world) = self.world else { return false };
-        let frame = RayFrame::new(ray.origin, ray.direction, &world.tree.nodes.bounds);
-        I::walk_still::<ANY>(&world.tree, &frame, WORLD, query, stack)
-    }
+/// `origin` and `direction` before `m`, by Cramer's rule: half the work of an inverse.
+#[inline(always)]
+fn solved(m: &Affine3A, origin: Vec3A, direction: Vec3A) -> (Vec3A, Vec3A) {
+    let [x, y, z] = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis];
+    let rows = [y.cross(z), z.cross(x), x.cross(y)];
+    let scale = 1.0 / x.dot(rows[0]);
+    let before = |v: Vec3A| Vec3A::new(rows[0].dot(v), rows[1].dot(v), rows[2].dot(v)) * scale;
+    (before(origin - m.translation), before(direction))
 }
 
-/// Places as leaves.
+/// Places and parts of the world as leaves.
 struct Places<'a, I, const ANY: bool> {
     all: &'a Structures<'a>,
-    items: &'a [u32],
+    items: &'a [Item],
     ray: &'a Ray,
+    /// The ray in the world's structure, if there is one.
+    world: Option<(&'a StillTree, RayFrame)>,
     isa: std::marker::PhantomData<I>,
+}
+
+impl<'a, I: Isa, const ANY: bool> Places<'a, I, ANY> {
+    #[inline(always)]
+    fn new(all: &'a Structures<'a>, items: &'a [Item], ray: &'a Ray) -> Self {
+        let frame = |w: &'a World| (&w.tree, RayFrame::new(ray.origin, ray.direction, &w.tree.nodes.bounds));
+        Self { all, items, ray, world: all.world.map(frame), isa: std::marker::PhantomData }
+    }
 }
 
 impl<I: Isa, const ANY: bool> Visit for Places<'_, I, ANY> {
     #[inline(always)]
     fn visit(&self, leaf: u32, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
-        let item = self.items[leaf as usize];
-        if item == WORLD {
-            return self.all.walk_world::<I, ANY>(self.ray, query, stack);
-        }
+        let item = match self.items[leaf as usize] {
+            Item::Place(item) => item,
+            Item::World(root) => {
+                let Some((tree, frame)) = &self.world else { return false };
+                return I::walk_still::<ANY>(tree, root, frame, WORLD, query, stack);
+            }
+        };
         let place = &self.all.places[item as usize];
         let Some((origin, direction)) = place.enter(self.ray) else { return false };
         match &place.body.form {
             Form::Still(tree) => {
                 let frame = RayFrame::new(origin, direction, &tree.nodes.bounds);
-                I::walk_still::<ANY>(tree, &frame, item, query, stack)
+                I::walk_still::<ANY>(tree, tree.nodes.root, &frame, item, query, stack)
             }
             Form::Moving(deforming) => {
                 let (segment, f) = segment_at(&deforming.times, self.ray.u_time);
@@ -240,6 +265,13 @@ impl<I: Isa, const ANY: bool> Visit for Places<'_, I, ANY> {
                 let frame = RayFrame::new(origin, direction, &tree.nodes.bounds);
                 I::walk_moving::<ANY>(tree, &frame, f, item, query, stack)
             }
+        }
+    }
+
+    #[inline(always)]
+    fn prefetch<J: Isa>(&self, leaf: u32) {
+        if let Item::Place(place) = self.items[leaf as usize] {
+            J::prefetch(&self.all.places[place as usize]);
         }
     }
 }
@@ -253,17 +285,21 @@ pub(super) fn search<I: Isa, const ANY: bool>(
     stack: &mut [u64],
 ) -> bool {
     match all.top {
-        Top::World => all.walk_world::<I, ANY>(ray, query, stack),
+        Top::World => {
+            let Some(World { tree, .. }) = all.world else { return false };
+            let frame = RayFrame::new(ray.origin, ray.direction, &tree.nodes.bounds);
+            I::walk_still::<ANY>(tree, tree.nodes.root, &frame, WORLD, query, stack)
+        }
         Top::Still(top) => {
             let frame = RayFrame::new(ray.origin, ray.direction, &top.nodes.bounds);
-            let places = Places::<I, ANY> { all, items: &top.items, ray, isa: std::marker::PhantomData };
-            walk::<I, _, _, ANY>(&top.nodes, &frame, 0.0, &places, query, stack)
+            let places = Places::<I, ANY>::new(all, &top.items, ray);
+            walk::<I, _, _>(&top.nodes, top.nodes.root, &frame, 0.0, &places, query, stack)
         }
         Top::Moving(slabs) => {
             let (top, f) = slab_at(slabs, ray.u_time);
             let frame = RayFrame::new(ray.origin, ray.direction, &top.nodes.bounds);
-            let places = Places::<I, ANY> { all, items: &top.items, ray, isa: std::marker::PhantomData };
-            walk::<I, _, _, ANY>(&top.nodes, &frame, f, &places, query, stack)
+            let places = Places::<I, ANY>::new(all, &top.items, ray);
+            walk::<I, _, _>(&top.nodes, top.nodes.root, &frame, f, &places, query, stack)
         }
     }
 }

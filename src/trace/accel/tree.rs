@@ -65,6 +65,29 @@ impl<N: WideNode> Nodes<N> {
     }
 }
 
+impl Nodes<StillNode> {
+    /// The tree as at most `most` subtrees (one at least) that together hold all of it: the largest is opened as long as
+    /// its children have room.
+    pub(super) fn opened(&self, most: usize) -> Vec<(u32, Aabb)> {
+        if self.bounds.is_empty() {
+            return Vec::new();
+        }
+        let mut parts = vec![(self.root, self.bounds)];
+        loop {
+            let area = |p: &(u32, Aabb)| if p.0 & LEAF == 0 { half_area(p.1.lo, p.1.hi) } else { -1.0 };
+            let Some(at) = (0..parts.len()).max_by(|&a, &b| area(&parts[a]).total_cmp(&area(&parts[b]))) else {
+                return parts;
+            };
+            if parts[at].0 & LEAF != 0 || parts.len() + WIDTH > most + 1 {
+                return parts;
+            }
+            let node = &self.nodes[parts.swap_remove(at).0 as usize];
+            let children = node.children().iter().enumerate().filter(|(_, c)| **c != NO_CHILD);
+            parts.extend(children.map(|(i, &c)| (c, node.child_box(i))));
+        }
+    }
+}
+
 /// Boxes of the nodes, from the leaves up; parents stand before their children.
 pub(super) fn node_boxes(shape: &Shape, leaves: &[LinearBox]) -> Vec<LinearBox> {
     let mut boxes = vec![LinearBox::EMPTY; shape.nodes.len()];

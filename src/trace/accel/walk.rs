@@ -60,12 +60,17 @@ impl Query<'_> {
 pub(super) trait Visit {
     /// Visits leaf `leaf`; `stack` is free for its use. Returns whether the walk is over.
     fn visit(&self, leaf: u32, query: &mut Query<'_>, stack: &mut [u64]) -> bool;
+
+    /// Says that leaf `leaf` may be visited soon.
+    fn prefetch<I: Isa>(&self, leaf: u32);
 }
 
-/// Walks `nodes` front to back (or, for any hit, the likeliest child first). Returns whether `leaves` ended it.
+/// Walks what lies below `root` of `nodes` front to back, also for any hit (the largest child first, unsorted, was a tenth slower). Returns
+/// whether `leaves` ended it.
 #[inline(always)]
-pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
+pub(super) fn walk<I: Isa, N: WideNode, V: Visit>(
     nodes: &Nodes<N>,
+    root: u32,
     ray: &RayFrame,
     time: f32,
     leaves: &V,
@@ -73,7 +78,7 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
     stack: &mut [u64],
 ) -> bool {
     let mut waiting = 0;
-    let mut current = nodes.root;
+    let mut current = root;
     if nodes.bounds.is_empty() {
         return false;
     }
@@ -90,33 +95,33 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
                     current = children[first];
                     continue;
                 }
-                let key = |child: usize| u64::from(opened.near.0[child].to_bits()) << 32 | u64::from(children[child]);
-                if ANY {
-                    current = children[first];
-                    while mask != 0 {
-                        // The least likely child goes in first.
-                        let child = 31 - mask.leading_zeros() as usize & 7;
-                        mask ^= 1 << child;
-                        stack[waiting] = u64::from(children[child]);
-                        waiting += 1;
+                let fetch = |child: u32| {
+                    if child & LEAF == 0 {
+                        I::prefetch(&nodes.nodes[child as usize]);
+                    } else {
+                        leaves.prefetch::<I>(child & !LEAF);
                     }
-                    continue;
-                }
+                };
+                let key = |child: usize| u64::from(opened.near.0[child].to_bits()) << 32 | u64::from(children[child]);
                 let second = mask.trailing_zeros() as usize & 7;
                 if mask & (mask - 1) == 0 {
                     // Two are the most common.
                     let (a, b) = (key(first), key(second));
+                    fetch(children[first]);
+                    fetch(children[second]);
                     stack[waiting] = a.max(b);
                     waiting += 1;
                     current = lower_half(a.min(b));
                     continue;
                 }
                 let from = waiting;
+                fetch(children[first]);
                 stack[waiting] = key(first);
                 waiting += 1;
                 while mask != 0 {
                     let child = mask.trailing_zeros() as usize & 7;
                     mask &= mask - 1;
+                    fetch(children[child]);
                     insert(stack, from, waiting, key(child));
                     waiting += 1;
                 }
@@ -124,10 +129,8 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
                 current = lower_half(stack[waiting]);
                 continue;
             }
-        } else {
-            if leaves.visit(current & !LEAF, query, &mut stack[waiting..]) {
-                return true;
-            }
+        } else if leaves.visit(current & !LEAF, query, &mut stack[waiting..]) {
+            return true;
         }
         loop {
             if waiting == 0 {
@@ -135,7 +138,7 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
             }
             waiting -= 1;
             let key = stack[waiting];
-            if ANY || f32::from_bits(lower_half(key >> 32)) <= query.limit {
+            if f32::from_bits(lower_half(key >> 32)) <= query.limit {
                 current = lower_half(key);
                 break;
             }
@@ -188,12 +191,18 @@ impl<B: Block, const ANY: bool> Visit for Triangles<'_, B, ANY> {
         }
         false
     }
+
+    #[inline(always)]
+    fn prefetch<I: Isa>(&self, leaf: u32) {
+        I::prefetch(&self.blocks[leaf as usize]);
+    }
 }
 
-/// Walks a tree of triangles in space `space`. Returns whether a hit ended the walk (`ANY` only).
+/// Walks what lies below `root` of a tree of triangles in space `space`. Returns whether a hit ended the walk (`ANY` only).
 #[inline(always)]
 pub(super) fn walk_triangles<I: Isa, N: WideNode, B: Block, const ANY: bool>(
     tree: &Tree<N, B>,
+    root: u32,
     ray: &RayFrame,
     time: f32,
     space: u32,
@@ -201,5 +210,5 @@ pub(super) fn walk_triangles<I: Isa, N: WideNode, B: Block, const ANY: bool>(
     stack: &mut [u64],
 ) -> bool {
     let leaves = Triangles::<B, ANY> { blocks: &tree.blocks, ray, time, space };
-    walk::<I, N, _, ANY>(&tree.nodes, ray, time, &leaves, query, stack)
+    walk::<I, N, _>(&tree.nodes, root, ray, time, &leaves, query, stack)
 }
