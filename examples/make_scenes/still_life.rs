@@ -117,11 +117,12 @@ fn peel(b: &mut Builder) -> super::builder::Texture {
     let mut dice = Dice::new(5);
     let pores: Vec<DVec2> = (0..900).map(|_| DVec2::new(dice.unit(), dice.unit())).collect();
     let canvas = Canvas::paint(256, 128, 1, |p| {
+        let ring = libm::sin(std::f64::consts::PI * p.y);
         let near = pores
             .iter()
             .map(|q| {
                 let dx = (p.x - q.x + 0.5).rem_euclid(1.0) - 0.5;
-                DVec2::new(2.0 * dx * libm::sin(std::f64::consts::PI * p.y), p.y - q.y).length()
+                DVec2::new(2.0 * dx * ring, p.y - q.y).length()
             })
             .fold(f64::INFINITY, f64::min);
         let depth = (1.0 - near / 0.012).clamp(0.0, 1.0);
