@@ -57,6 +57,8 @@ pub(super) fn mapped_normal(n: Vec3A, tangent: Vec4, value: Vec4, scale: f32) ->
 /// front): the remedy for black spots of mapped and interpolated normals (Keller et al. 2017, "The Iray Light
 /// Transport Simulation and Rendering System", appendix A.3).
 pub(super) fn visible_normal(n: Vec3A, ng: Vec3A, wo: Vec3A) -> Vec3A {
+    // A mapped normal may point into the surface; its mirror image has the same slopes and points out.
+    let n = if n.dot(ng) < 0.0 { -n } else { n };
     let cos = ng.dot(wo);
     // The reflected direction is lifted to a quarter of the view's own height: continuous, and never more than the
     // unperturbed surface would give.

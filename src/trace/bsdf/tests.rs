@@ -1,5 +1,8 @@
 //! Furnaces, and sampling against evaluation.
 
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "indices and means of bounded values")]
+#![allow(clippy::print_stdout, reason = "the measured figures that docs/materials.md quotes")]
+
 use super::albedo::Glass;
 use super::lobes::{Boundary, CoatParameters, Parameters};
 use super::tangent::Basis;
@@ -256,7 +259,8 @@ fn what_should_be_reciprocal_is() {
         let mirror = |cos: f32| super::albedo::GgxAlbedo::at(cos, roughness).mirror;
         let lambert = Parameters { f0: Vec3::ZERO, f90: 0.0, ..p };
         let sheen = Parameters { base: Vec3::ZERO, sheen: Some((Vec3::splat(0.3), 0.6)), ..lambert };
-        let cases: [(&str, Parameters<'static>, &dyn Fn(f32) -> f32); 3] = [
+        type Case<'a> = (&'a str, Parameters<'static>, &'a dyn Fn(f32) -> f32);
+        let cases: [Case<'_>; 3] = [
             ("conductor", Parameters { metallic: 1.0, ..p }, &mirror),
             ("lambert", lambert, &|_| 1.0),
             ("sheen", sheen, &|_| 1.0),

@@ -1,3 +1,5 @@
+#![allow(clippy::cast_possible_truncation, reason = "fractions in [0, 1)")]
+
 use super::*;
 use crate::scene::{Image, Pixels};
 

@@ -1,5 +1,8 @@
 //! Light sampling against closed forms and against itself.
 
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "indices and means of bounded values")]
+#![allow(clippy::print_stdout, reason = "the measured figures that docs/materials.md quotes")]
+
 use super::*;
 use crate::numeric::unit_from_bits;
 use crate::scene::{
@@ -389,10 +392,10 @@ fn moving_emitters_are_sampled_where_they_are() {
     with_lights(&scene, &stage, Background::Black, |lights| {
         for i in 0..=10_u8 {
             let u_time = f32::from(i) / 10.0;
-            let shift = DVec3::from(motion.at(u_time).translation.as_dvec3());
+            let shift = motion.at(u_time).translation.as_dvec3();
             let corners: Vec<DVec3> = [0, 1, 2, 5].iter().map(|&c| square[c].as_dvec3() + shift).collect();
             let q = LightQuery { u_time, ..query(Vec3::new(0.2, 0.0, 0.1), Vec3::Y) };
-            let exact = polygon_irradiance(q.position.as_dvec3().into(), DVec3::Y, &corners);
+            let exact = polygon_irradiance(q.position.as_dvec3(), DVec3::Y, &corners);
             agrees(&format!("instant {u_time}"), irradiance(lights, &q, 1 << 13, 4), exact);
         }
     });

@@ -1,3 +1,5 @@
+#![allow(clippy::cast_possible_truncation, reason = "values in [0, 1]")]
+
 use super::*;
 use glam::Affine2;
 
