@@ -25,7 +25,7 @@ fn stage() -> Stage {
 /// A scene whose one emitter is `positions`, three a triangle, seen from both sides.
 fn emitter(positions: Vec<Vec3>, emissive: f32) -> (Scene, Stage) {
     let (mut scene, mut stage) = (Scene::default(), stage());
-    let count = u32::try_from(positions.len() / 3).unwrap();
+    let count = u32::try_from(positions.len() / 3).expect("tests stay below four thousand million");
     let triangles = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     scene.materials.push(Material { emissive: Vec3::splat(emissive), double_sided: true, ..Material::default() });
     scene.meshes.push(Mesh { material: 0, triangles, positions, ..Mesh::default() });
