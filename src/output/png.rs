@@ -4,6 +4,7 @@ use super::picture::Picture;
 use super::quantise::{Dither, Place, ascii_json};
 use super::view::{View, ViewTransform};
 use crate::{Error, Result};
+use rayon::prelude::*;
 use std::path::Path;
 
 /// Bits of each channel.
@@ -88,28 +89,33 @@ pub fn encode(picture: &Picture, options: PngOptions, path: &Path) -> Result<Vec
 
 #[allow(clippy::cast_possible_truncation, reason = "window columns and codes are within their types")]
 fn codes(picture: &Picture, options: PngOptions) -> Vec<u8> {
-    let highest = match options.depth {
-        PngDepth::Eight => 255_u16,
-        PngDepth::Sixteen => u16::MAX,
+    let (highest, bytes_each) = match options.depth {
+        PngDepth::Eight => (255_u16, 1),
+        PngDepth::Sixteen => (u16::MAX, 2),
     };
-    let mut bytes = Vec::with_capacity(picture.rgb.len() * 8);
-    for (index, &rgb) in picture.rgb.iter().enumerate() {
-        let (x, row) = (index as u32 % picture.window.width, index as u32 / picture.window.width);
-        let shown = options.view.encode(rgb).to_array();
-        let alpha = picture.alpha.as_ref().map(|alpha| f64::from(alpha[index].clamp(0.0, 1.0)));
-        for (channel, value) in (0..).zip(shown.into_iter().chain(alpha)) {
-            let place = Place {
-                x: x + picture.window.x,
-                line: row + picture.window.y,
-                channel,
-                instant: picture.metadata.frame,
-            };
-            let code = options.dither.code(value * f64::from(highest), 0, highest, place);
-            match options.depth {
-                PngDepth::Eight => bytes.push(code as u8),
-                PngDepth::Sixteen => bytes.extend(code.to_be_bytes()),
+    let channels = if picture.alpha.is_some() { 4 } else { 3 };
+    let width = picture.window.width as usize;
+    let mut bytes = vec![0; picture.rgb.len() * channels * bytes_each];
+    bytes.par_chunks_mut(width * channels * bytes_each).enumerate().for_each(|(row, line)| {
+        for (x, pixel) in line.chunks_exact_mut(channels * bytes_each).enumerate() {
+            let index = row * width + x;
+            let shown = options.view.encode(picture.rgb[index]).to_array();
+            let alpha = picture.alpha.as_ref().map(|alpha| f64::from(alpha[index].clamp(0.0, 1.0)));
+            let values = (0..).zip(shown.into_iter().chain(alpha));
+            for ((channel, value), out) in values.zip(pixel.chunks_exact_mut(bytes_each)) {
+                let place = Place {
+                    x: x as u32 + picture.window.x,
+                    line: row as u32 + picture.window.y,
+                    channel,
+                    instant: picture.metadata.frame,
+                };
+                let code = options.dither.code(value * f64::from(highest), 0, highest, place);
+                match options.depth {
+                    PngDepth::Eight => out[0] = code as u8,
+                    PngDepth::Sixteen => out.copy_from_slice(&code.to_be_bytes()),
+                }
             }
         }
-    }
+    });
     bytes
 }
