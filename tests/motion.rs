@@ -278,35 +278,6 @@ fn the_bound_is_of_the_order_of_what_is_measured() {
 }
 
 #[test]
-fn hour_ten_is_hour_zero_bit_for_bit() {
-    const HOURS: f64 = 36_000.0;
-    let build = |shift: f64| {
-        let mut b = Builder::new(10.0);
-        let n = b.node(None, Vec3::ZERO);
-        b.mesh(n, &TRIANGLE);
-        let times: Vec<f64> = (0..9).map(|i| f64::from(0.1_f32 * i as f32) + shift).collect();
-        let values = (0..27).map(|i| Quat::from_rotation_z(0.3 * i as f32 % 2.0)).collect();
-        b.drive(n, Property::Rotation(track(Interpolation::CubicSpline, &times, values)));
-        b.drive(Builder::EYE, Property::Translation(linear(&[(shift, Vec3::Z * 10.0), (shift + 1.0, Vec3::Z * 8.0)])));
-        b.finish()
-    };
-    let keys = |shift: f64| {
-        let shutter = graeco::time::Shutter::default();
-        let rate = graeco::time::FrameRate::CINEMA;
-        let interval = shutter.exposure(rate.instant(7) + shift, rate.period());
-        let baked = stage(&build(shift), interval, PIXELS);
-        [&baked.instances[0].motion, &baked.camera.motion].map(|m| {
-            (m.times().to_vec(), m.keys().iter().map(|k| k.to_cols_array().map(f32::to_bits)).collect::<Vec<_>>())
-        })
-    };
-    assert_eq!(keys(0.0), keys(HOURS));
-    // The planted twin: instants in single precision, three frames of a 180-degree shutter to a step at hour ten.
-    #[allow(clippy::cast_possible_truncation, reason = "the twin's fault")]
-    let naive = |t: f64| f64::from((t + HOURS) as f32) - HOURS;
-    assert!((naive(7.0 / 24.0) - 7.0 / 24.0).abs() > 1e-4);
-}
-
-#[test]
 fn the_definition_of_own_time_is_the_baked_one() {
     let scene = wheel(1);
     let mut rig = Rig::new(&scene, &Playback::default()).unwrap();

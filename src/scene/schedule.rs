@@ -26,6 +26,9 @@ impl Clock {
         if !(amount > 0.0) || interval.is_instant() {
             return Self { open: middle, close: middle };
         }
+        if amount.to_bits() == 1.0_f64.to_bits() {
+            return Self { open: interval.open, close: interval.close };
+        }
         let at = |t: f64| middle + snap_within(amount * (t - middle));
         Self { open: at(interval.open), close: at(interval.close) }
     }
