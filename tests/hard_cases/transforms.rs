@@ -43,7 +43,11 @@ fn check_finite(scene: &Scene, stage: &Stage) -> usize {
         };
         if let Some(hit) = accel.closest(&ray, |_| true) {
             let p = accel.surface(scene, stage, &ray, &hit);
-            assert!(hit.t.is_finite() && p.position.is_finite() && p.error.is_finite(), "{hit:?} {p:?} {:?}", stage.instances[0].motion);
+            assert!(
+                hit.t.is_finite() && p.position.is_finite() && p.error.is_finite(),
+                "{hit:?} {p:?} {:?}",
+                stage.instances[0].motion
+            );
             assert!(p.geometric_normal.is_finite() && p.normal.is_finite(), "{p:?}");
             hits += 1;
         }
