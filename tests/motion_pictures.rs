@@ -39,12 +39,14 @@ fn settings(size: (u32, u32), runs: u32) -> Settings {
         filter: FilterSpec::BOX,
         texture_filter: TextureFilter::Point,
         bounces: 0,
+        caustics: graeco::trace::path::Caustics::default(),
+        aovs: Default::default(),
     }
 }
 
 fn film(scene: &Scene, settings: &Settings, frame: i64) -> Film {
     let surroundings = Surroundings { background: Background::Black, name: "black".into() };
-    let mut shot = Shot::new(scene, settings, &surroundings).unwrap();
+    let mut shot = Shot::new(scene, settings, &surroundings, "test").unwrap();
     let film = shot.render(frame, &Progress::default()).unwrap().unwrap().film;
     assert_eq!(film.rejected(), 0, "no sample is rejected");
     film
@@ -70,8 +72,7 @@ fn rectangle(x: [f32; 2], y: [f32; 2]) -> Vec<Vec3> {
 }
 
 /// The largest |measured − truth| in standard errors of n independent samples of a function with values 0 and 1, and
-/// the part of undecided pixels (truth beyond 0 and 1 by `n`⁻¹) that exceed three. Pixels that are certain must be
-/// exact.
+/// the part of undecided pixels that exceed three; infinite where a pixel that is certain is not exact.
 fn deviations(film: &Film, n: u32, truth: impl Fn(u32, u32) -> f64) -> (f64, f64) {
     let (width, _) = film.size();
     let (mut worst, mut beyond, mut undecided) = (0.0_f64, 0.0, 0.0);
@@ -80,11 +81,17 @@ fn deviations(film: &Film, n: u32, truth: impl Fn(u32, u32) -> f64) -> (f64, f64
         // Fewer than nine expected on either side: the normal law does not hold; the bound is Chebyshev's then.
         let (n, q) = (f64::from(n), p.min(1.0 - p));
         if q <= 1e-6 {
-            assert!((found - p).abs() <= 1.0 / n, "pixel {i}: {found} where {p} is certain");
+            if (found - p).abs() > 1.0 / n {
+                println!("pixel {i}: {found} where {p} is certain");
+                worst = f64::INFINITY;
+            }
             continue;
         }
         if q * n < 9.0 {
-            assert!((found - p).abs() <= 30.0 / n, "pixel {i}: {found} where {p} is all but certain");
+            if (found - p).abs() > 30.0 / n {
+                println!("pixel {i}: {found} where {p} is all but certain");
+                worst = f64::INFINITY;
+            }
             continue;
         }
         let z = (found - p).abs() / (p * (1.0 - p) / n).sqrt();
@@ -126,8 +133,7 @@ fn check(name: &str, scene: &Scene, size: (u32, u32), truth: impl Fn(u32, u32) -
     println!("{name}: worst {worst:.2} standard errors, {:.1} % of pixels beyond three", 100.0 * beyond);
     assert!(worst < 4.5 && beyond <= 0.03, "{name}: {worst} {beyond}");
     let frozen = Settings { blur_scale: vec![("1".into(), 0.0)], ..settings(size, N) };
-    let twin = std::panic::catch_unwind(|| deviations(&film(scene, &frozen, 0), N, &truth));
-    assert!(!twin.is_ok_and(|(worst, _)| worst < 4.5), "{name}: the planted twin passed");
+    assert!(deviations(&film(scene, &frozen, 0), N, &truth).0 > 10.0, "{name}: the planted twin passed");
 }
 
 #[test]
@@ -232,21 +238,23 @@ fn a_wheel_of_ten_turns_is_as_grey_as_its_spokes_are_wide() {
     });
 }
 
-/// Largest difference of two films in standard errors, and the part of pixels beyond three of those with any.
-fn difference(a: &[(f64, f64)], b: &[(f64, f64)]) -> (f64, f64) {
-    let (mut worst, mut beyond, mut noisy) = (0.0_f64, 0.0, 0.0);
+/// Largest difference of two films of `n` runs or more in standard errors, and how many standard deviations the sum of
+/// all their squares (χ² of as many degrees as pixels) lies above its mean. Pixels of which fewer than nine runs decide
+/// know their variance too badly for that: they may differ by thirty runs.
+fn difference(a: &[(f64, f64)], b: &[(f64, f64)], n: f64) -> (f64, f64) {
+    let (mut worst, mut squares, mut noisy) = (0.0_f64, 0.0, 0.0);
     for (&(x, vx), &(y, vy)) in a.iter().zip(b) {
-        if vx + vy > 0.0 {
+        if vx.min(vy) >= 9.0 / (n * n) {
             let z = (x - y).abs() / (vx + vy).sqrt();
             worst = worst.max(z);
             noisy += 1.0;
-            beyond += f64::from(u8::from(z > 3.0));
-        } else {
-            assert!((x - y).abs() < 1e-6, "{x} {y}");
+            squares += z * z;
+        } else if (x - y).abs() > 30.0 / n {
+            worst = f64::INFINITY;
         }
     }
     assert!(noisy > 10.0, "the test sees motion");
-    (worst, beyond / noisy)
+    (worst, (squares - noisy) / (2.0_f64 * noisy).sqrt())
 }
 
 fn reds(film: &Film) -> Vec<(f64, f64)> {
@@ -275,8 +283,8 @@ fn moving_mirror() -> Scene {
 }
 
 /// H₀: the blurred picture is the mean of frozen ones. n = 4096 independent samples a pixel against 1024 frames of 16,
-/// seeds 11 and 100 + frame; 120 pixels, all within 4.5 standard errors (α = 0.001, Šidák), at most 3 % beyond three.
-/// Planted twin: the mirror frozen at mid-exposure.
+/// seeds 11 and 100 + frame; 120 pixels, all within 4.5 standard errors (α = 0.001, Šidák), χ² of all within 4 standard
+/// deviations of its mean. Planted twin: the mirror frozen at mid-exposure.
 #[test]
 fn a_moving_mirror_shows_the_mean_of_1024_frozen_frames() {
     const SIZE: (u32, u32) = (12, 10);
@@ -291,12 +299,14 @@ fn a_moving_mirror_shows_the_mean_of_1024_frozen_frames() {
             *sum = (sum.0 + mean / f64::from(FRAMES), sum.1 + variance / f64::from(FRAMES).powi(2));
         }
     }
-    let (worst, beyond) = difference(&reds(&film(&scene, &settings(SIZE, 4096), 0)), &sums);
-    println!("moving mirror: worst {worst:.2} standard errors, {:.1} % of pixels beyond three", 100.0 * beyond);
-    assert!(worst < 4.5 && beyond <= 0.03, "{worst} {beyond}");
+    let mut blurred = settings(SIZE, 4096);
+    // The mirror magnifies its own error by the way of the reflected ray.
+    blurred.view.motion_error = 1e-5;
+    let (worst, chi) = difference(&reds(&film(&scene, &blurred, 0)), &sums, 4096.0);
+    println!("moving mirror: worst {worst:.2} standard errors, sum of squares {chi:.2} deviations up");
+    assert!(worst < 4.5 && chi < 4.0, "{worst} {chi}");
     let twin = Settings { blur_scale: vec![("1".into(), 0.0)], ..settings(SIZE, 4096) };
-    let twin: Vec<_> = reds(&film(&scene, &twin, 0)).iter().map(|&(x, v)| (x, v.max(1e-9))).collect();
-    assert!(difference(&twin, &sums).0 > 10.0, "the planted twin passed");
+    assert!(difference(&reds(&film(&scene, &twin, 0)), &sums, 4096.0).0 > 10.0, "the planted twin passed");
 }
 
 /// A ball (of `rings` × 2 `rings` facets).
@@ -360,24 +370,25 @@ fn spread(film: &Film, rows: std::ops::Range<u32>, lit: Option<f64>) -> f64 {
 }
 
 /// A uniform smear of length L adds L²/12 to a thing's second moment: L = √(12 (m − m₀)), m₀ that of the frozen thing.
-/// Bound: 1 %, issue's. 4096 runs a pixel of the automatic design: the streaks' own error is near 0.1 %.
+/// Bound: 1 %. 400 runs a pixel of the automatic design, four pixels a metre: the streaks' own error is about 0.2 %, and
+/// what pixels add to second moments, 1/12, is the same in both to less than that.
 #[test]
 fn streaks_of_ball_reflection_and_shadow_are_as_long_as_their_amounts() {
-    const SIZE: (u32, u32) = (24, 20);
+    const SIZE: (u32, u32) = (96, 80);
     let picture = |amount: f32| {
-        let mut s = settings(SIZE, 4096);
+        let mut s = settings(SIZE, 400);
         s.sampling.kind = Kind::Auto;
         film(&rushing_ball(Some(amount)), &s, 0)
     };
     let still = picture(0.0);
-    let lit = f64::from(still.pixels()[10 * 24 + 1].radiance.x);
+    let lit = f64::from(still.pixels()[40 * 96 + 1].radiance.x);
     assert!(lit > 0.1, "the wall is lit");
-    let views = [("ball", 0..7, None), ("shadow", 7..13, Some(lit)), ("reflection", 14..20, None)];
+    let views = [("ball", 0..28, None), ("shadow", 29..51, Some(lit)), ("reflection", 56..80, None)];
     for amount in [0.5, 1.0, 1.5, 2.0] {
         let moved = picture(amount);
         for (name, rows, lit) in views.clone() {
             let length = (12.0 * (spread(&moved, rows.clone(), lit) - spread(&still, rows, lit))).sqrt();
-            let want = 6.0 * f64::from(amount);
+            let want = 24.0 * f64::from(amount);
             println!("streak of the {name} at amount {amount}: {length:.3} of {want} pixels");
             assert!((length / want - 1.0).abs() < 0.01, "{name} {amount}: {length} {want}");
         }
@@ -422,10 +433,10 @@ fn an_exposure_is_the_mean_of_its_parts_by_length() {
         let parts = first.iter().zip(&second);
         parts.map(|(x, y)| (a * x.0 + b * y.0, a * a * x.1 + b * b * y.1)).collect()
     };
-    let (worst, beyond) = difference(&whole, &join(0.3, 0.7));
-    println!("sum of exposures: worst {worst:.2} standard errors, {:.1} % of pixels beyond three", 100.0 * beyond);
-    assert!(worst < 4.8 && beyond <= 0.03, "{worst} {beyond}");
-    assert!(difference(&whole, &join(0.5, 0.5)).0 > 10.0, "the planted twin passed");
+    let (worst, chi) = difference(&whole, &join(0.3, 0.7), 2048.0);
+    println!("sum of exposures: worst {worst:.2} standard errors, sum of squares {chi:.2} deviations up");
+    assert!(worst < 4.8 && chi < 4.0, "{worst} {chi}");
+    assert!(difference(&whole, &join(0.5, 0.5), 2048.0).0 > 10.0, "the planted twin passed");
 }
 
 /// H₀: the light of a moving thing, over the picture, is that of the still one (its area) at any speed. n = 4096

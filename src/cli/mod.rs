@@ -12,6 +12,7 @@ mod shot;
 mod shot_args;
 mod study_designs;
 mod study_dither;
+mod study_motion;
 mod study_patterns;
 
 use clap::{Parser, Subcommand};
@@ -49,6 +50,7 @@ enum Study {
     Designs(study_designs::StudyDesignsArgs),
     Dither(study_dither::StudyDitherArgs),
     Patterns(study_patterns::StudyPatternsArgs),
+    Motion(Box<study_motion::StudyMotionArgs>),
 }
 
 impl Cli {
@@ -70,6 +72,7 @@ impl Cli {
             Command::Study(Study::Designs(args)) => study_designs::run(args)?,
             Command::Study(Study::Dither(args)) => study_dither::run(args)?,
             Command::Study(Study::Patterns(args)) => study_patterns::run(args)?,
+            Command::Study(Study::Motion(args)) => study_motion::run(args)?,
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -202,7 +202,7 @@ fn parse_shutter(text: &str) -> Result<f64, String> {
     }
 }
 
-fn parse_phase(text: &str) -> Result<ShutterPhase, String> {
+pub(crate) fn parse_phase(text: &str) -> Result<ShutterPhase, String> {
     match text {
         "start" => Ok(ShutterPhase::Start),
         "centre" | "center" => Ok(ShutterPhase::Centre),

@@ -5,5 +5,6 @@
 pub mod canvas;
 pub mod designs;
 pub mod dither;
+pub mod motion;
 pub mod patterns;
 pub mod plots;
