@@ -171,6 +171,15 @@ fn memory_is_bounded_before_it_is_allocated() {
 }
 
 #[test]
+fn a_flood_of_empty_objects_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flood.gltf");
+    let nodes = "{},".repeat(1_000_000) + "{}";
+    fs::write(&path, format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"nodes\": [{nodes}]}}")).unwrap();
+    assert!(refusal(load(&path, &LoadOptions::default())).contains("memory"));
+}
+
+#[test]
 fn loops_and_second_parents_are_refused() {
     let bin = Bin::default();
     let message = refusal(bin.load(&json!({"nodes": [{"children": [1]}, {"name": "B", "children": [0]}]})));
