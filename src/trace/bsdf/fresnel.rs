@@ -90,7 +90,7 @@ fn film_sensitivity(path_nm: f32, shift: Vec3) -> Vec3 {
 }
 
 /// Linear Rec. 709 from CIE XYZ (columns), IEC 61966-2-1.
-const RGB_FROM_XYZ: Mat3 = Mat3::from_cols(
+pub(super) const RGB_FROM_XYZ: Mat3 = Mat3::from_cols(
     Vec3::new(3.240_454_2, -0.969_266, 0.055_643_4),
     Vec3::new(-1.537_138_5, 1.876_010_8, -0.204_025_9),
     Vec3::new(-0.498_531_4, 0.041_556, 1.057_225_2),

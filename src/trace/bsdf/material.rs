@@ -69,6 +69,13 @@ impl Materials {
         self.media[material]
     }
 
+    /// Whether `material` bends light by its wavelength: a path that enters it needs one (see
+    /// [`wavelength`](super::wavelength)).
+    #[must_use]
+    pub fn disperses(&self, scene: &Scene, material: MaterialId) -> bool {
+        self.media[material].is_some() && scene.materials[material].transmission.is_some_and(|t| t.dispersion > 0.0)
+    }
+
     /// How much of the surface is there, [0, 1], before its facing is considered: masks give 0 or 1.
     #[must_use]
     pub fn alpha(

@@ -16,11 +16,13 @@ mod lobes;
 mod material;
 mod shading;
 mod sheen;
+mod spectrum;
 mod tangent;
 
 pub use lobes::Bsdf;
 pub use material::{Materials, Medium};
 pub use shading::{Shading, ShadingQuery, dispersed_ior};
+pub use spectrum::{Wavelength, wavelength};
 
 use crate::numeric;
 use glam::{Vec3, Vec3A};
