@@ -6,7 +6,7 @@
 //! it would draw if it were seen directly.
 
 use super::accel::Accel;
-use super::bsdf::{BsdfSample, Materials, Medium, Scatter, Shading, ShadingQuery};
+use super::bsdf::{BsdfSample, Materials, Medium, Scatter, Shading, ShadingQuery, wavelength};
 use super::camera::CameraRays;
 use super::lights::{LightQuery, LightSample, Lights};
 use super::surface::SurfacePoint;
@@ -25,6 +25,8 @@ const MOST_SPECULAR: u16 = 64;
 const EXTRA_ALPHA: u16 = 0;
 const EXTRA_TEXTURE: u16 = 1;
 const EXTRA_SPECULAR: u16 = 2;
+/// Beyond the last that [`EXTRA_SPECULAR`] reaches.
+const EXTRA_WAVELENGTH: u16 = EXTRA_SPECULAR + MOST_SPECULAR + 1;
 /// Tells shadow rays' draws from those of the path.
 const SHADOW_SALT: u32 = 1 << 31;
 
@@ -77,6 +79,8 @@ struct Path {
     /// was sampled for there too. `None` from the camera, a mirror, a refraction.
     scattered: Option<(LightQuery, f32)>,
     medium: Option<Medium>,
+    /// Wavelength, nanometres, once the path has met a medium that disperses.
+    wavelength_nm: Option<f32>,
     /// Index of the group of factors that the next vertex draws.
     vertex: u16,
     bounces: u16,
@@ -229,10 +233,15 @@ impl PathTracer<'_> {
             path.throughput *= medium.transmittance(hit.t);
         }
         let wo = -path.ray.direction;
+        if path.wavelength_nm.is_none() && materials.disperses(scene, surface.material) {
+            let drawn = wavelength(point.get(Factor::extra(EXTRA_WAVELENGTH)));
+            path.wavelength_nm = Some(drawn.nm);
+            path.throughput *= drawn.weight;
+        }
         let query = ShadingQuery {
             cone_width: path.cone_width,
             u_texture: point.get(Factor::extra(EXTRA_TEXTURE)),
-            wavelength_nm: None,
+            wavelength_nm: path.wavelength_nm,
         };
         let shading = Shading::new(scene, materials, &surface, wo, query);
         if let Some(color) = shading.unlit {
@@ -347,6 +356,7 @@ impl ImageFunction for PathTracer<'_> {
             cone_spread: seen.cone_spread,
             scattered: None,
             medium: None,
+            wavelength_nm: None,
             vertex: 0,
             bounces: 0,
             specular: 0,
