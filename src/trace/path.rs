@@ -240,7 +240,11 @@ impl PathTracer<'_> {
         }
         let query = ShadingQuery {
             cone_width: path.cone_width,
-            u_texture: point.get(Factor::extra(EXTRA_TEXTURE)),
+            u_texture: if materials.draws_texels(surface.material) {
+                point.get(Factor::extra(EXTRA_TEXTURE))
+            } else {
+                0.5
+            },
             wavelength_nm: path.wavelength_nm,
         };
         let shading = Shading::new(scene, materials, &surface, wo, query);

@@ -31,6 +31,8 @@ pub struct Materials {
     /// By material: albedos of its refracting boundary from outside and from inside.
     pub(super) glass: Vec<Option<Arc<[Glass; 2]>>>,
     media: Vec<Option<Medium>>,
+    /// By material: whether reading it draws texels at random.
+    draws: Vec<bool>,
 }
 
 impl Materials {
@@ -54,13 +56,32 @@ impl Materials {
             .zip(&media)
             .map(|(m, medium)| medium.as_ref().filter(|_| rough(m)).map(&mut tables))
             .collect();
-        Self { textures: Textures::new(scene, filter), glass, media }
+        let draws = scene
+            .materials
+            .iter()
+            .map(|m| {
+                let mut textured = false;
+                // `retain_textures` visits every reference; this only looks.
+                m.clone().retain_textures(&mut |_| {
+                    textured = true;
+                    true
+                });
+                textured && filter == TextureFilter::Stochastic
+            })
+            .collect();
+        Self { textures: Textures::new(scene, filter), glass, media, draws }
     }
 
     /// The prepared textures.
     #[must_use]
     pub fn textures(&self) -> &Textures {
         &self.textures
+    }
+
+    /// Whether evaluating `material` needs a number for its textures: [`TextureFilter::Stochastic`] with any texture.
+    #[must_use]
+    pub fn draws_texels(&self, material: MaterialId) -> bool {
+        self.draws[material]
     }
 
     /// The medium behind `material`'s surface, if it has a volume.

@@ -346,6 +346,10 @@ impl<'a> Lights<'a> {
 
     /// With which probability each group is chosen at `q`; `None` where none can reach it.
     fn shares(&self, q: &LightQuery, r: &Receiver) -> Option<Shares> {
+        if self.suns.is_empty() && self.environment.is_black() {
+            // Nothing to weigh the tree against: it finds out itself whether anything can arrive.
+            return Some(Shares { tree: 1.0, environment: 0.0, suns: 0.0, sun_total: 0.0 });
+        }
         let tree = self.tree.importance(r).min(MOST_ESTIMATE);
         let environment = self.environment.irradiance().min(MOST_ESTIMATE);
         let suns: f32 = self.suns.iter().map(|&sun| self.sun_irradiance(sun, q)).sum();

@@ -36,9 +36,57 @@ pub(super) struct Receiver {
     pub(super) u_time: f32,
 }
 
+/// An [`Extent`] as it is evaluated: what does not depend on the receiver is worked out once.
+#[derive(Debug, Clone, Copy)]
+struct Outlook {
+    /// Centre of the box when the exposure opens, and by how much it moves until it closes.
+    centre: Vec3A,
+    travel: Vec3A,
+    /// Half diagonal of the box when the exposure opens, and by how much it changes.
+    half: Vec3A,
+    growth: Vec3A,
+    axis: Vec3A,
+    sin_normals: f32,
+    cos_normals: f32,
+    cos_emission: f32,
+    strength: f32,
+    /// Squared length of `half` where nothing moves; negative where it must be worked out.
+    radius2: f32,
+}
+
+impl Outlook {
+    fn new(e: &Extent) -> Self {
+        let centre = |t: usize| Vec3A::from(0.5 * (e.boxes[t][0] + e.boxes[t][1]));
+        let half = |t: usize| Vec3A::from(0.5 * (e.boxes[t][1] - e.boxes[t][0]));
+        let still = e.boxes[0] == e.boxes[1];
+        Self {
+            centre: centre(0),
+            travel: centre(1) - centre(0),
+            half: half(0),
+            growth: half(1) - half(0),
+            axis: Vec3A::from(e.axis),
+            sin_normals: sine(e.cos_normals),
+            cos_normals: e.cos_normals,
+            cos_emission: e.cos_emission,
+            strength: e.strength,
+            radius2: if still { half(0).length_squared() } else { -1.0 },
+        }
+    }
+
+    /// Centre and squared radius at `u_time`.
+    #[inline]
+    fn ball(&self, u_time: f32) -> (Vec3A, f32) {
+        if self.radius2 >= 0.0 {
+            (self.centre, self.radius2)
+        } else {
+            (self.centre + self.travel * u_time, (self.half + self.growth * u_time).length_squared())
+        }
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Node {
-    extent: Extent,
+    outlook: Outlook,
     parent: u32,
     /// First of two neighbouring children, or the light's index with [`LEAF`] set.
     child: u32,
@@ -75,23 +123,24 @@ impl Tree {
             })
             .collect();
         let mut order: Vec<u32> = (0..index(lights.len())).collect();
-        tree.nodes.push(Node { extent: scaled[0], parent: 0, child: 0 });
+        let blank = Outlook::new(&scaled[0]);
+        tree.nodes.push(Node { outlook: blank, parent: 0, child: 0 });
         // An explicit stack: a chain of nested lights must not exhaust the thread's.
         let mut pending = vec![(0_usize, 0_usize, order.len(), 0_u32)];
         while let Some((node, low, high, depth)) = pending.pop() {
             let items = &mut order[low..high];
             if let [light] = *items {
-                tree.nodes[node].extent = scaled[light as usize];
+                tree.nodes[node].outlook = Outlook::new(&scaled[light as usize]);
                 tree.nodes[node].child = LEAF | light;
                 tree.leaves[light as usize] = index(node);
                 continue;
             }
-            tree.nodes[node].extent = union_of(&scaled, items);
+            tree.nodes[node].outlook = Outlook::new(&union_of(&scaled, items));
             let middle = low + partition(&scaled, items, depth);
             let child = tree.nodes.len();
             tree.nodes[node].child = index(child);
-            let blank = Node { extent: scaled[0], parent: index(node), child: 0 };
-            tree.nodes.extend([blank, blank]);
+            let child_node = Node { outlook: blank, parent: index(node), child: 0 };
+            tree.nodes.extend([child_node, child_node]);
             pending.push((child, low, middle, depth + 1));
             pending.push((child + 1, middle, high, depth + 1));
         }
@@ -100,7 +149,7 @@ impl Tree {
 
     /// Irradiance that the whole tree may give at `r`.
     pub(super) fn importance(&self, r: &Receiver) -> f32 {
-        self.nodes.first().map_or(0.0, |n| self.unit * importance(&n.extent, r))
+        self.nodes.first().map_or(0.0, |n| self.unit * importance(&n.outlook, r))
     }
 
     /// Chooses a light: its index, the probability, and `u` rescaled so that it can place a point on the light.
@@ -108,12 +157,12 @@ impl Tree {
     /// Levels take turns with the two coordinates, so that neither runs out of digits first.
     pub(super) fn choose(&self, r: &Receiver, u: Vec2) -> Option<(usize, f32, Vec2)> {
         let (mut node, mut chance, mut u) = (self.nodes.first()?, 1.0_f32, u);
-        if importance(&node.extent, r) <= 0.0 {
+        if importance(&node.outlook, r) <= 0.0 {
             return None;
         }
         while node.child & LEAF == 0 {
             let pair = &self.nodes[node.child as usize..node.child as usize + 2];
-            let share = first_share(&pair[0].extent, &pair[1].extent, r)?;
+            let share = first_share(&pair[0].outlook, &pair[1].outlook, r)?;
             let (side, rest) = split(u.x, share);
             u = Vec2::new(u.y, rest);
             (node, chance) = match side {
@@ -126,7 +175,7 @@ impl Tree {
 
     /// Probability with which [`Tree::choose`] finds `light`.
     pub(super) fn chance(&self, light: usize, r: &Receiver) -> f32 {
-        if importance(&self.nodes[0].extent, r) <= 0.0 {
+        if importance(&self.nodes[0].outlook, r) <= 0.0 {
             return 0.0;
         }
         let (mut node, mut chance) = (self.leaves[light], 1.0_f32);
@@ -134,7 +183,7 @@ impl Tree {
             let parent = self.nodes[node as usize].parent;
             let first = self.nodes[parent as usize].child;
             let pair = &self.nodes[first as usize..first as usize + 2];
-            let Some(share) = first_share(&pair[0].extent, &pair[1].extent, r) else { return 0.0 };
+            let Some(share) = first_share(&pair[0].outlook, &pair[1].outlook, r) else { return 0.0 };
             chance *= if node == first { share } else { 1.0 - share };
             node = parent;
         }
@@ -149,17 +198,17 @@ const fn index(i: usize) -> u32 {
 
 /// Share of the first of two siblings; `None` where neither can reach the receiver.
 #[inline]
-fn first_share(a: &Extent, b: &Extent, r: &Receiver) -> Option<f32> {
+fn first_share(a: &Outlook, b: &Outlook, r: &Receiver) -> Option<f32> {
     let (ia, ib) = (importance(a, r), importance(b, r));
     let sum = ia + ib;
     // Both may be tiny; only their ratio matters.
     if sum > 0.0 { Some(if sum.is_finite() { ia / sum } else { 0.5 }) } else { None }
 }
 
-/// cos(max(0, a − b)) of two angles given by sine and cosine.
+/// cos(max(0, a − b)) of two angles, a given by its cosine, b by sine and cosine.
 #[inline]
-fn cos_difference(sin_a: f32, cos_a: f32, sin_b: f32, cos_b: f32) -> f32 {
-    if cos_a >= cos_b { 1.0 } else { cos_a * cos_b + sin_a * sin_b }
+fn cos_difference(cos_a: f32, sin_b: f32, cos_b: f32) -> f32 {
+    if cos_a >= cos_b { 1.0 } else { cos_a * cos_b + sine(cos_a) * sin_b }
 }
 
 #[inline]
@@ -174,31 +223,27 @@ fn sine(cos: f32) -> f32 {
 /// whether anything can arrive at all; the estimate is the mean of the bound and the cosine at the centre, which does
 /// not take every wide node for one that faces the point.
 #[inline]
-fn importance(e: &Extent, r: &Receiver) -> f32 {
-    let g = 1.0 - r.u_time;
-    let low = e.boxes[0][0] * g + e.boxes[1][0] * r.u_time;
-    let high = e.boxes[0][1] * g + e.boxes[1][1] * r.u_time;
-    let to = 0.5 * (low + high) - Vec3::from(r.position);
-    let radius2 = 0.25 * (high - low).length_squared();
+fn importance(e: &Outlook, r: &Receiver) -> f32 {
+    let (centre, radius2) = e.ball(r.u_time);
+    let to = centre - r.position;
     let distance2 = to.length_squared();
     let mean2 = (distance2 + radius2 * (1.0 / 3.0)).max(f32::MIN_POSITIVE);
     if distance2 <= f32::MIN_POSITIVE {
         return e.strength / mean2;
     }
-    let to = to / distance2.sqrt();
-    let (sin_bounds, cos_bounds) = if distance2 > radius2 {
-        let sin2 = radius2 / distance2;
-        (sin2.sqrt(), (1.0 - sin2).max(0.0).sqrt())
-    } else {
-        // From inside the bounding sphere lights lie in every direction.
-        (0.0, -1.0)
-    };
-    let cos_light = -e.axis.dot(to);
-    let facing = cos_difference(sine(cos_light), cos_light, sine(e.cos_normals), e.cos_normals);
-    let leaving = cos_difference(sine(facing), facing, sin_bounds, cos_bounds);
-    let cos_receiver = Vec3::from(r.normal).dot(to);
+    let inverse = 1.0 / distance2.sqrt();
+    let cos_light = -e.axis.dot(to) * inverse;
+    let facing = cos_difference(cos_light, e.sin_normals, e.cos_normals);
+    let cos_receiver = r.normal.dot(to) * inverse;
     let cos_receiver = if r.sides == Sides::Both { cos_receiver.abs() } else { cos_receiver };
-    let arriving = cos_difference(sine(cos_receiver), cos_receiver, sin_bounds, cos_bounds);
+    // From inside the bounding sphere lights lie in every direction.
+    let (leaving, arriving) = if distance2 > radius2 {
+        let sin2 = radius2 * inverse * inverse;
+        let (sin_bounds, cos_bounds) = (sin2.sqrt(), (1.0 - sin2).max(0.0).sqrt());
+        (cos_difference(facing, sin_bounds, cos_bounds), cos_difference(cos_receiver, sin_bounds, cos_bounds))
+    } else {
+        (1.0, 1.0)
+    };
     if leaving <= e.cos_emission || arriving <= 0.0 {
         return 0.0;
     }
