@@ -15,6 +15,12 @@ const EXIT_RETRY: u8 = 75;
 const EXIT_INTERRUPTED: u8 = 130;
 
 fn main() -> ExitCode {
+    let report = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !graeco::scene::in_guarded_decoder() {
+            report(panic);
+        }
+    }));
     let cli = cli::Cli::parse();
     match cli.run() {
         Ok(code) => code,

@@ -2,6 +2,7 @@
 
 use super::Pixels;
 use image::{ColorType, DynamicImage, ImageFormat, ImageReader, Limits};
+use std::cell::Cell;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -20,7 +21,21 @@ pub(crate) struct Decoded {
 ///
 /// What the closure captures is dropped or discarded after a panic, never looked at again.
 pub(crate) fn guarded<T>(what: &str, f: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-    catch_unwind(AssertUnwindSafe(f)).unwrap_or_else(|_| Err(format!("the {what} decoder failed on it")))
+    let before = GUARDED.replace(true);
+    let result = catch_unwind(AssertUnwindSafe(f));
+    GUARDED.set(before);
+    result.unwrap_or_else(|_| Err(format!("the {what} decoder failed on it")))
+}
+
+thread_local! {
+    static GUARDED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether this thread is inside a decoder whose panic will become a sentence: a program's panic hook need not report
+/// it.
+#[must_use]
+pub fn in_guarded_decoder() -> bool {
+    GUARDED.get()
 }
 
 /// Whether `bytes` are a KTX2 container.

@@ -27,6 +27,7 @@ pub mod view;
 
 pub use animation::{Animation, Channel, Interpolation, Property, Track};
 pub use camera::{Camera, Lens, Projection};
+pub use decode::in_guarded_decoder;
 pub use info::Info;
 pub use light::{Environment, Light, LightShape};
 pub use material::{AlphaMode, Material, Specular, TextureRef};
