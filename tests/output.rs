@@ -402,6 +402,17 @@ fn a_closed_pipe_is_one_clear_sentence() {
 }
 
 #[test]
+fn a_full_disk_is_worth_retrying() {
+    let Ok(full) = std::fs::OpenOptions::new().write(true).open("/dev/full") else {
+        eprintln!("full disk: skipped, there is no /dev/full");
+        return;
+    };
+    let mut target = OutputTarget::pipe(Box::new(full), YuvOptions::for_lines(480), Cadence::Native).unwrap();
+    let error = target.accept(picture((16, 8), 0, FieldOrder::Progressive, |_, _| [0.5; 3])).unwrap_err();
+    assert!(error.worth_retrying(), "{error}");
+}
+
+#[test]
 fn a_y4m_file_appears_when_it_is_finished() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.y4m");

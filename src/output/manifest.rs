@@ -69,8 +69,23 @@ pub struct FrameStats {
     pub peak_memory: u64,
     /// Runs left out because they were not finite.
     pub rejected: u64,
-    /// Expected root mean squared error of the picture, from the estimated variance.
+    /// Expected root mean squared error of the picture, from the estimated variance; infinite, in JSON `null`, where
+    /// pixels have a single run.
+    #[serde(with = "null_if_infinite")]
     pub standard_error: f64,
+}
+
+/// JSON has no infinity.
+mod null_if_infinite {
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        if value.is_finite() { serializer.serialize_f64(*value) } else { serializer.serialize_none() }
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Option::<f64>::deserialize(deserializer).map(|value| value.unwrap_or(f64::INFINITY))
+    }
 }
 
 /// A sequence's manifest.
@@ -120,4 +135,28 @@ pub fn append_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
 pub fn read(path: &Path) -> Result<Vec<Line>> {
     let bytes = std::fs::read(path).map_err(|source| Error::io(path, "read", source))?;
     Ok(String::from_utf8_lossy(&bytes).lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_read_back_even_where_the_error_is_unknown() {
+        let folder = tempfile::tempdir().unwrap();
+        let pattern: Pattern = folder.path().join("a_%d.exr").to_str().unwrap().parse().unwrap();
+        let manifest = Manifest::beside(&pattern);
+        assert_eq!(manifest.path(), folder.path().join("a.manifest.jsonl"));
+        let lines: Vec<Line> = [f64::INFINITY, 0.125]
+            .into_iter()
+            .map(|standard_error| {
+                let stats = FrameStats { frame: 3, rays: 1 << 60, standard_error, ..FrameStats::default() };
+                Line::Frame(FrameLine { frame: 3, files: vec!["a_3.exr".into()], settings_hash: "x".into(), stats })
+            })
+            .collect();
+        for line in &lines {
+            manifest.append(line).unwrap();
+        }
+        assert_eq!(read(manifest.path()).unwrap(), lines);
+    }
 }
