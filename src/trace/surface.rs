@@ -125,13 +125,15 @@ impl SurfacePoint {
 /// The point with weights `weights`, in the world, and a bound on its error.
 ///
 /// Blending three corners makes three roundings a coordinate, and the weights sum to one within one more: γ₇ of the sum of
-/// absolute values bounds all (Pharr, Jakob and Humphreys 2023, §6.8.5). A transform adds γ₄ of its own absolute sum. A ray
+/// absolute values bounds all (Pharr, Jakob and Humphreys 2023, §6.8.5). γ₂ of the greatest coordinate is added so that a
+/// plane at exactly zero is left by more than a denormal number, which a processor may take for zero. A transform adds γ₄ of its own absolute sum. A ray
 /// that starts there is taken back by the inverse, whose entries carry a few roundings each: γ₁₂ of the absolute sum in
 /// the geometry's space, seen from the world.
 fn located(corners: &[Vec3A; 3], weights: [f32; 3], transform: Option<&Affine3A>) -> (Vec3A, Vec3A) {
     let parts = [corners[0] * weights[0], corners[1] * weights[1], corners[2] * weights[2]];
     let p = parts[0] + parts[1] + parts[2];
-    let error = (parts[0].abs() + parts[1].abs() + parts[2].abs()) * gamma(7);
+    let size = corners[0].abs().max(corners[1].abs()).max(corners[2].abs());
+    let error = (parts[0].abs() + parts[1].abs() + parts[2].abs()) * gamma(7) + size.max_element() * gamma(2);
     let Some(m) = transform else { return (p, error) };
     let world = m.transform_point3a(p);
     let size = absolute(m);

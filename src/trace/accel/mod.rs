@@ -72,6 +72,8 @@ enum BodyKey {
     Own(MeshId, NodeId, usize),
 }
 
+type Bodies = HashMap<BodyKey, Arc<Body>>;
+
 /// In which space an instance's triangles are intersected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Route {
@@ -93,7 +95,7 @@ pub struct Accel {
     /// Of each of the stage's instances.
     routes: Vec<Route>,
     top: Top,
-    bodies: HashMap<BodyKey, Arc<Body>>,
+    bodies: Bodies,
     bounds: Aabb,
     stack: usize,
     stats: Stats,
@@ -345,12 +347,13 @@ fn plans<'a>(others: &[Member<'a>]) -> Vec<Plan<'a>> {
     others.iter().map(plan).collect()
 }
 
+/// The places of `others` (whether each is baked) and the structures that they share.
 fn build_places(
     scene: &Scene,
     others: &[Member<'_>],
     previous: Option<&Accel>,
     stats: &mut Stats,
-) -> (Vec<(Place, bool)>, HashMap<BodyKey, Arc<Body>>) {
+) -> (Vec<(Place, bool)>, Bodies) {
     let plans = plans(others);
     let mut wanted: Vec<&Plan<'_>> = Vec::new();
     let mut seen = std::collections::HashSet::new();
@@ -377,7 +380,7 @@ fn build_places(
         .collect();
     stats.reused += made.iter().filter(|m| m.2).count();
     stats.built += made.iter().filter(|m| !m.2).count();
-    let bodies: HashMap<BodyKey, Arc<Body>> = made.into_iter().map(|(key, body, _)| (key, body)).collect();
+    let bodies: Bodies = made.into_iter().map(|(key, body, _)| (key, body)).collect();
     let place = |plan: &Plan<'_>| {
         let motion = &plan.instance.motion;
         let pose = match (plan.baked, motion.is_still()) {
