@@ -110,7 +110,7 @@ fn motion_counts_pixels_to_the_previous_and_next_frame() {
 
 #[test]
 fn motion_of_fields_counts_to_the_neighbouring_field() {
-    let scanning = Scanning::Interlaced { first: Parity::Top, line_height: 2.0 };
+    let scanning = Scanning::Interlaced { first: Parity::Top };
     let planes = planes(&Settings { scanning, ..all() });
     let per_field = SPEED / 48.0 / (8.0 / 30.0);
     for line in [14, 15] {

@@ -80,7 +80,7 @@ fn a_crop_is_the_same_pixels_of_the_whole() {
 #[test]
 fn fields_of_a_still_scene_weave_into_its_frame() {
     let scene = load("scenes/cornell.glb");
-    let field = Scanning::Interlaced { first: Parity::Bottom, line_height: 1.0 };
+    let field = Scanning::Interlaced { first: Parity::Bottom };
     // Draws differ between fields and frame; without anything to draw but the film position, means agree. A single
     // colour per pixel would hide a shift of lines, so the crop holds edges.
     let woven = render(&scene, &Settings { scanning: field, ..settings(256, 0) }, Background::Black, 0);

@@ -32,6 +32,7 @@ fn settings(size: (u32, u32), runs: u32) -> Settings {
         shutter_phase: ShutterPhase::Start,
         shutter_curve: "box".into(),
         scanning: Scanning::Progressive,
+        line_height: 1.0,
         view: ViewRequest { motion_error: 1e-3, size, pixel_aspect: 1.0, ..ViewRequest::default() },
         playback: Playback::default(),
         blur_scale: Vec::new(),

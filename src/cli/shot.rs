@@ -38,10 +38,11 @@ impl ShotArgs {
             self.pixel_aspect.or(self.video.map(|v| v.pixel_aspect(shape))).unwrap_or(PixelAspect::SQUARE);
         let size = self.size.or(self.video.map(Standard::size)).unwrap_or((960, 540));
         let scanning = match (self.interlace.or(self.video.map(Standard::first)), self.scan.as_str()) {
-            (Some(first), _) => Scanning::Interlaced { first, line_height: self.line_height },
+            (Some(first), _) => Scanning::Interlaced { first },
             (None, "rolling") => Scanning::Rolling { readout: self.readout },
             (None, _) => Scanning::Progressive,
         };
+        let interlaced = matches!(scanning, Scanning::Interlaced { .. });
         Settings {
             size,
             crop: self.crop,
@@ -55,6 +56,7 @@ impl ShotArgs {
             shutter_phase: self.shutter_phase,
             shutter_curve: self.shutter_curve.to_string(),
             scanning,
+            line_height: self.line_height.unwrap_or(if interlaced { 2.0 } else { 1.0 }),
             view: ViewRequest {
                 camera: self.camera.clone(),
                 f_stop: self.f_stop,

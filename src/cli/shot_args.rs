@@ -82,9 +82,9 @@ pub(crate) struct ShotArgs {
     #[arg(long, value_name = "top|bottom", value_parser = parse_parity, conflicts_with = "scan", help_heading = VIDEO)]
     pub(crate) interlace: Option<Parity>,
 
-    /// Lines of the frame that a field's pixel averages over: 2 does not flicker, 1 is sharper
-    #[arg(long, value_name = "1..2", default_value_t = 2.0, value_parser = number, help_heading = VIDEO)]
-    pub(crate) line_height: f64,
+    /// Lines of the frame that a pixel averages over: 2 does not flicker, 1 is sharper [default: 2 for fields, else 1]
+    #[arg(long, value_name = "1..2", value_parser = number, help_heading = VIDEO)]
+    pub(crate) line_height: Option<f64>,
 
     /// Spread film frames over video fields by 2:3 pulldown: 24000/1001 becomes 30000/1001 interlaced
     #[arg(long, conflicts_with_all = ["video", "interlace"], help_heading = VIDEO)]

@@ -116,7 +116,7 @@ pub fn blank(window: Window) -> Vec<Observed> {
 #[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "means that are stored as f32")]
 fn observe_pixel(observer: &Observer<'_>, design: &Design, pass: &Pass<'_>, x: i32, y: i32) -> Observed {
     let shutter = design.factors().contains(&Factor::SHUTTER);
-    let pixel = design.pixel(PixelAddress { x, y, frame: pass.frame, field: pass.field });
+    let pixel = design.pixel(PixelAddress { x, y, frame: pass.number, field: 0 });
     let (mut depth, mut normal, mut albedo, mut time, mut met) = (0.0_f64, [0.0_f64; 3], [0.0_f64; 3], 0.0_f64, 0_u32);
     for run in 0..design.runs() {
         let point = pixel.point(run);

@@ -16,10 +16,8 @@ pub struct Pass<'a> {
     pub filter: &'a Filter,
     /// Which lines of the frame are exposed.
     pub lines: Lines,
-    /// The frame's number.
-    pub frame: i64,
-    /// 0 for a progressive frame or the field that comes first, 1 for the other.
-    pub field: u32,
+    /// The exposure's number, which its draws depend on.
+    pub number: i64,
 }
 
 /// Tiles are squares of this many pixels: small enough to balance two to many threads, large enough that neighbours
@@ -99,7 +97,7 @@ fn render_tile(
     let pixels = addresses(tile, pass.lines)
         .map(|(x, y)| {
             let (x, y) = (x as i32, y as i32);
-            let pixel = design.pixel(PixelAddress { x, y, frame: pass.frame, field: pass.field });
+            let pixel = design.pixel(PixelAddress { x, y, frame: pass.number, field: 0 });
             accumulator.reset(0);
             for run in 0..design.runs() {
                 let point = pixel.point(run);

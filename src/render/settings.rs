@@ -23,8 +23,6 @@ pub enum Scanning {
     Interlaced {
         /// The earlier field.
         first: Parity,
-        /// Lines of the frame that a pixel averages over, 1 to 2.
-        line_height: f64,
     },
     /// Line after line, from top to bottom.
     Rolling {
@@ -52,6 +50,8 @@ pub struct Settings {
     pub shutter_curve: String,
     /// How lines and time go together.
     pub scanning: Scanning,
+    /// Lines of the frame that a pixel averages over, 1 to 2.
+    pub line_height: f64,
     /// Camera and lens.
     pub view: ViewRequest,
     /// Animation.
@@ -81,8 +81,9 @@ pub struct PassPlan {
     pub footprint: Footprint,
     /// The span of time that it covers.
     pub interval: Exposure,
-    /// 0 for a whole frame or the earlier field, 1 for the later one.
-    pub field: u32,
+    /// The exposure's number: the frame's, or the field's. Fields are numbered through, as the frames of a progressive
+    /// sequence of twice the rate are, and draw what those would draw.
+    pub number: i64,
 }
 
 impl Settings {
@@ -90,7 +91,7 @@ impl Settings {
     #[must_use]
     pub fn field_order(&self) -> FieldOrder {
         match self.scanning {
-            Scanning::Interlaced { first, .. } => FieldOrder::Interlaced { first },
+            Scanning::Interlaced { first } => FieldOrder::Interlaced { first },
             Scanning::Progressive | Scanning::Rolling { .. } => FieldOrder::Progressive,
         }
     }
@@ -120,31 +121,31 @@ impl Settings {
         let fraction = self.shutter.or(file_angle.map(|angle| angle / 360.0)).unwrap_or(Shutter::default().fraction);
         let shutter = Shutter { fraction, phase: self.shutter_phase };
         let curve: ShutterCurve = self.shutter_curve.parse()?;
-        let whole = Footprint::PROGRESSIVE.with_shutter(curve);
+        let whole = Footprint::field(self.line_height)?.with_shutter(curve);
         let exposure = shutter.exposure(self.rate.instant(frame), self.rate.period());
         Ok(match self.scanning {
             Scanning::Progressive => {
-                vec![PassPlan { lines: Lines::All, footprint: whole, interval: exposure, field: 0 }]
+                vec![PassPlan { lines: Lines::All, footprint: whole, interval: exposure, number: frame }]
             }
             Scanning::Rolling { readout } => {
                 let readout_s = readout * self.rate.period();
                 let (footprint, interval) = whole.rolling(exposure, readout_s, self.size.1)?;
-                vec![PassPlan { lines: Lines::All, footprint, interval, field: 0 }]
+                vec![PassPlan { lines: Lines::All, footprint, interval, number: frame }]
             }
-            Scanning::Interlaced { first, line_height } => {
+            Scanning::Interlaced { first } => {
                 if self.size.1 % 2 == 1 {
                     return Err(Error::invalid(
                         format!("a picture of {} lines", self.size.1),
                         "interlaced frames need an even number of lines",
                     ));
                 }
-                let footprint = Footprint::field(line_height)?.with_shutter(curve);
                 [0, 1]
                     .map(|field| {
                         let instant = self.rate.instant_of_part(frame, field, 2);
                         let interval = shutter.exposure(instant, self.rate.fields().period());
                         let parity = if field == 0 { first } else { first.other() };
-                        PassPlan { lines: Lines::Field(parity), footprint, interval, field }
+                        let number = 2 * frame + i64::from(field);
+                        PassPlan { lines: Lines::Field(parity), footprint: whole, interval, number }
                     })
                     .to_vec()
             }

@@ -192,8 +192,7 @@ impl<'a> Shot<'a> {
             let tracer = PathTracer::new(parts, camera, self.settings.bounces, self.settings.caustics);
             cost.build_s += started.elapsed().as_secs_f64();
             let started = Instant::now();
-            let job =
-                Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, frame, field: pass.field };
+            let job = Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, number: pass.number };
             let mut complete = integrate(&tracer, &design, &job, &mut film, progress);
             if observes && complete {
                 complete = self.observe(pass, (&stage, &accel), &design, &job, film.window(), &mut observed, progress);

@@ -27,6 +27,7 @@ pub(crate) fn settings(size: (u32, u32), runs: u32, bounces: u16) -> Settings {
         shutter_phase: ShutterPhase::Start,
         shutter_curve: "box".into(),
         scanning: Scanning::Progressive,
+        line_height: 1.0,
         view: ViewRequest { motion_error: 0.0625, size, pixel_aspect: 1.0, ..ViewRequest::default() },
         playback: Playback::default(),
         blur_scale: Vec::new(),
