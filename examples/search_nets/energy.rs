@@ -39,8 +39,8 @@ impl Random {
     }
 }
 
-/// Share of the family with each number of factors S.
-pub const SUPPORTS: [(usize, f64); 4] = [(2, 0.15), (3, 0.55), (4, 0.15), (7, 0.15)];
+/// The numbers of factors S that the family has.
+pub const SUPPORTS: [usize; 4] = [2, 3, 4, 7];
 
 /// Factors among which the S are drawn.
 const FACTORS: usize = 7;
@@ -51,13 +51,14 @@ pub struct Energies {
 }
 
 impl Energies {
-    pub fn of_half_spaces(seed: u64) -> Self {
+    /// `shares` is how much of the family has each of the [`SUPPORTS`].
+    pub fn of_half_spaces(seed: u64, shares: [f64; 4]) -> Self {
         let mut random = Random(seed);
         let mut tables = vec![Vec::new()];
         for s in 1..=MOST {
             let bits = GRID_BITS[s];
             let mut sum = vec![0.0; (bits as usize).pow(s as u32)];
-            for (support, share) in SUPPORTS.into_iter().filter(|&(support, _)| support >= s) {
+            for (support, share) in SUPPORTS.into_iter().zip(shares).filter(|&(support, _)| support >= s) {
                 // The chance that a given subset of s factors is among the S.
                 let inside: f64 = (0..s).map(|i| (support - i) as f64 / (FACTORS - i) as f64).product();
                 for _ in 0..FUNCTIONS {

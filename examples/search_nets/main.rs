@@ -1,8 +1,12 @@
 //! Finds the generator matrices of the tuned nets and writes them as `src/design/nets_data.rs`.
 //!
 //! ```text
-//! cargo run --profile quick --example search_nets -- [--seed S] [--sweeps K] [--from BITS] [--to BITS] > nets_data.rs
+//! cargo run --profile quick --example search_nets -- [--seed S] [--sweeps K] [--from BITS] [--to BITS] \
+//!     [--pairs P --triples P --quadruples P --sevens P (percent)] [--camera W (percent)] > nets_data.rs
 //! ```
+//!
+//! The committed sets are the best of a few such runs, judged by `graeco study designs --seed 1000`; each set's
+//! comment has the options that give it.
 //!
 //! A net of N = 2ᵐ points has one m × m matrix over GF(2) per factor. After Owen's scrambling its variance on a
 //! function is a sum over resolutions of the function's Haar energies times the net's gain there (Owen 1997). Averaged
@@ -22,8 +26,11 @@ use energy::{Energies, MOST, Random};
 /// Factors covered: film x y, shutter, lens u v, then light, lobe, light, lobe pairs.
 const FACTORS: usize = 13;
 
-/// How much each factor counts: a term's weight is the product over its factors.
-const WEIGHTS: [f64; FACTORS] = [1.3, 1.3, 1.3, 1.0, 1.0, 1.0, 1.0, 0.7, 0.7, 0.5, 0.5, 0.5, 0.5];
+/// How much each factor counts: a term's weight is the product over its factors. The camera's first three take
+/// `camera` instead of 1.
+fn weights(camera: f64) -> [f64; FACTORS] {
+    [camera, camera, camera, 1.0, 1.0, 1.0, 1.0, 0.7, 0.7, 0.5, 0.5, 0.5, 0.5]
+}
 
 /// Factors annealed together; the others join one by one, those before them staying as they are.
 const TOGETHER: usize = 7;
@@ -81,11 +88,11 @@ struct Search<'a> {
     mode: Mode,
     bits: usize,
     terms: &'a Terms,
+    weights: [f64; FACTORS],
     /// `[factor][bit of the index]`, the first digit in bit `bits − 1`.
     matrices: Vec<Vec<u16>>,
     /// Leading zeros `[factor][point]`.
     zeros: Vec<Vec<u8>>,
-    /// Σ Φ over sets of factors without the one in turn, by prefix; for the logarithms' sake.
     random: Random,
 }
 
@@ -118,7 +125,7 @@ fn prefix_weight(mode: Mode, bits: usize, k: usize) -> f64 {
 }
 
 impl<'a> Search<'a> {
-    fn new(mode: Mode, bits: usize, terms: &'a Terms, seed: u64) -> Self {
+    fn new(mode: Mode, bits: usize, terms: &'a Terms, weights: [f64; FACTORS], seed: u64) -> Self {
         let mut random = Random(seed);
         let matrices: Vec<Vec<u16>> = (0..FACTORS)
             .map(|factor| {
@@ -135,7 +142,7 @@ impl<'a> Search<'a> {
             .iter()
             .map(|m: &Vec<u16>| coordinates(m).iter().map(|&x| leading_zeros(x, bits)).collect())
             .collect();
-        Self { mode, bits, terms, matrices, zeros, random }
+        Self { mode, bits, terms, weights, matrices, zeros, random }
     }
 
     /// For each point, what it adds to the criterion by the leading zeros of `factor`'s coordinate, over all sets of
@@ -145,14 +152,14 @@ impl<'a> Search<'a> {
         let mut out = vec![0.0_f32; points * 16];
         let others: Vec<usize> = (0..active).filter(|&k| k != factor).collect();
         let mut set = Vec::new();
-        self.add_sets(&others, &mut set, WEIGHTS[factor], &mut out);
+        self.add_sets(&others, &mut set, self.weights[factor], &mut out);
         out
     }
 
     fn add_sets(&self, others: &[usize], set: &mut Vec<usize>, weight: f64, out: &mut [f32]) {
         for (i, &next) in others.iter().enumerate() {
             set.push(next);
-            let weight = weight * WEIGHTS[next];
+            let weight = weight * self.weights[next];
             let table = &self.terms.tables[set.len() + 1];
             for (point, row) in out.chunks_exact_mut(16).enumerate() {
                 let at = set.iter().rev().fold(0, |at, &k| at << 4 | usize::from(self.zeros[k][point])) << 4;
@@ -175,7 +182,7 @@ impl<'a> Search<'a> {
             // Sets whose highest member is `first`: conditional on it, below it.
             let others: Vec<usize> = (0..first).filter(|&k| k != factor).collect();
             let mut out = vec![0.0_f32; (1 << self.bits) * 16];
-            self.add_sets(&others, &mut seen, WEIGHTS[first], &mut out);
+            self.add_sets(&others, &mut seen, self.weights[first], &mut out);
             for (sum, part) in sums.iter_mut().zip(self.prefixes(&out, &self.zeros[first])) {
                 *sum += part;
             }
@@ -202,7 +209,7 @@ impl<'a> Search<'a> {
     fn total(&self, k: usize, active: usize) -> f64 {
         // e[s] of the weights: the elementary symmetric sums.
         let mut symmetric = [1.0, 0.0, 0.0, 0.0, 0.0];
-        for w in &WEIGHTS[..active] {
+        for w in &self.weights[..active] {
             for s in (1..=MOST).rev() {
                 symmetric[s] += symmetric[s - 1] * w;
             }
@@ -319,9 +326,18 @@ fn option(name: &str, default: u64) -> u64 {
 fn main() {
     let (seed, sweeps) = (option("--seed", 1), option("--sweeps", 60) as usize);
     let (from, to) = (option("--from", 2) as usize, option("--to", 12) as usize);
-    let energies = Energies::of_half_spaces(seed);
-    println!("//! Generator matrices found by search: `cargo run --profile quick --example search_nets -- \\");
-    println!("//! --seed {seed} --sweeps {sweeps} --from {from} --to {to}`, {FACTORS} factors a set.");
+    let shares = [("--pairs", 30), ("--triples", 40), ("--quadruples", 15), ("--sevens", 15)]
+        .map(|(name, default)| option(name, default) as f64 / 100.0);
+    let camera = option("--camera", 120);
+    let energies = Energies::of_half_spaces(seed, shares);
+    let settings = format!(
+        "--seed {seed} --sweeps {sweeps} --pairs {} --triples {} --quadruples {} --sevens {} --camera {camera}",
+        100.0 * shares[0],
+        100.0 * shares[1],
+        100.0 * shares[2],
+        100.0 * shares[3]
+    );
+    println!("//! Generator matrices found by `examples/search_nets`, {FACTORS} factors a set.");
     println!();
     println!("/// Matrices of one set, one after the other.");
     println!("pub(crate) struct Set {{");
@@ -342,14 +358,20 @@ fn main() {
             let mut best: Option<(f64, Vec<Vec<u16>>)> = None;
             for start in 0..starts {
                 eprintln!("{name} {bits} bits, start {start}");
-                let mut search = Search::new(mode, bits, &terms, seed ^ (start << 32 | (bits as u64) << 8 | 0x51));
+                let mut search = Search::new(
+                    mode,
+                    bits,
+                    &terms,
+                    weights(camera as f64 / 100.0),
+                    seed ^ (start << 32 | (bits as u64) << 8 | 0x51),
+                );
                 let value = search.run(sweeps);
                 if best.as_ref().is_none_or(|(b, _)| value < *b) {
                     best = Some((value, search.matrices));
                 }
             }
             let Some((value, matrices)) = best else { continue };
-            println!("    // {:.4} of independent points' variance on the family, in seven factors.", value.exp());
+            println!("    // {settings}: {:.4}", value.exp());
             let columns: Vec<String> =
                 matrices.iter().flatten().map(|c| format!("{:#06x}", c << (16 - bits))).collect();
             println!("    Set {{ bits: {bits}, columns: &[{}] }},", columns.join(", "));

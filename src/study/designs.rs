@@ -110,17 +110,15 @@ impl Placements {
     pub fn new(kind: AnalyticKind, effort: Effort) -> Self {
         let options = DesignOptions { kind: Kind::Sobol, dither: Dither::NONE, runs: 8192, ..Default::default() };
         let design = Design::new(&options, &kind.factors());
-        let functions = (0..effort.placements)
-            .into_par_iter()
-            .map(|placement| {
-                let function = Analytic::placement(kind, placement, effort.seed);
-                let mean = function.mean(0.0, 0.0, 4);
-                let squares = Squared(&function, mean);
-                let problem = Problem { function: &squares, pixel: [0, 0], mean: 0.0, variance: 0.0 };
-                let variance = estimate(&design, &problem, placement, 0);
-                (function, mean, variance)
-            })
-            .collect();
+        let mut functions: Vec<(Analytic, f64, f64)> = Vec::new();
+        let mut drawn = 0..u32::MAX;
+        // Pixels that hardly vary are drawn again: they say nothing of a design but what chance does to rare events.
+        while functions.len() < effort.placements as usize {
+            let missing = effort.placements as usize - functions.len();
+            let numbers: Vec<u32> = drawn.by_ref().take(missing).collect();
+            let more: Vec<_> = numbers.into_par_iter().map(|n| placed(kind, n, effort.seed, &design)).collect();
+            functions.extend(more.into_iter().filter(|(.., variance)| *variance > LEAST_VARIANCE));
+        }
         Self { kind, functions }
     }
 
@@ -138,6 +136,19 @@ impl Placements {
             .map(|(function, mean, variance)| Problem { function, pixel: [0, 0], mean: *mean, variance: *variance })
             .collect()
     }
+}
+
+/// Variance of one run below which a pixel counts as flat: that of an indicator which holds on 1 % of it.
+const LEAST_VARIANCE: f64 = 0.01;
+
+/// One placement with its mean and variance.
+fn placed(kind: AnalyticKind, number: u32, seed: u64, design: &Design) -> (Analytic, f64, f64) {
+    let function = Analytic::placement(kind, number, seed);
+    let mean = function.mean(0.0, 0.0, 4);
+    let squares = Squared(&function, mean);
+    let problem = Problem { function: &squares, pixel: [0, 0], mean: 0.0, variance: 0.0 };
+    let variance = estimate(design, &problem, number, 0);
+    (function, mean, variance)
 }
 
 /// The square of a function's distance from its mean.

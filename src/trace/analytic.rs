@@ -35,7 +35,7 @@ pub enum AnalyticKind {
     LensEdge,
     /// The soft shadow of a moving square under a square light: x, y, t, light.
     SoftShadow,
-    /// A moving disk between a thin round lens and a plane that a square light lights: all seven.
+    /// A moving disk between a thin round lens and a plane that a near square light lights: all seven.
     Disk,
     /// A product of Gaussians in all seven.
     SmoothProduct,
@@ -126,11 +126,20 @@ struct MovingDisk {
     radius: f64,
     /// Circle of confusion's radius at the disk, pixels.
     lens: f64,
-    /// Side of the light as seen from the plane, projected onto the disk's plane.
-    light: f64,
-    /// Where the light's centre is projected to, from the pixel.
-    offset: [f64; 2],
     emitted: f64,
+    plane: Plane,
+}
+
+/// How the plane behind a disk is lit.
+#[derive(Debug, Clone, Copy)]
+enum Plane {
+    /// By a square light of side `light`, `height` above, whose centre is `offset` from the film's origin: brightness
+    /// falls with the fourth power of the cosine, as under a small element of a light that faces the plane. The disk
+    /// casts no shadow.
+    Lit { light: f64, height: f64, offset: [f64; 2] },
+    /// Evenly, but for the disk's shadow: `light` is the light's side projected onto the disk's plane, `offset` where
+    /// its centre is projected to.
+    Shadowed { light: f64, offset: [f64; 2] },
 }
 
 /// A short stream of independent numbers in [0, 1) for parameters.
@@ -198,17 +207,20 @@ impl Analytic {
                 Shape::Shadow { centre, velocity, penumbra, half }
             }
             AnalyticKind::Disk => {
-                let (velocity, radius) = (p.vector(0.2, 2.0), p.scale(1.0, 8.0));
+                let (velocity, radius) = (p.vector(0.2, 1.5), p.scale(0.7, 6.0));
                 let [ex, ey] = p.direction();
-                let (t, offset) = (p.unit(), p.vector(0.05, 2.0));
+                let t = p.unit();
                 Shape::Disk(MovingDisk {
                     centre: [p.unit() - radius * ex - velocity[0] * t, p.unit() - radius * ey - velocity[1] * t],
                     velocity,
                     radius,
-                    lens: p.scale(0.2, 2.0),
-                    light: p.scale(0.3, 3.0),
-                    offset,
-                    emitted: 0.3,
+                    lens: p.scale(0.1, 1.0),
+                    emitted: 0.0,
+                    plane: Plane::Lit {
+                        light: p.scale(0.5, 4.0),
+                        height: p.scale(1.0, 4.0),
+                        offset: p.vector(0.1, 3.0),
+                    },
                 })
             }
             AnalyticKind::SmoothProduct => {
@@ -241,27 +253,13 @@ impl Analytic {
         let speed = if sharp { side } else { 0.5 * side };
         let velocity = [vx * speed, vy * speed];
         let centre = velocity.map(|v| 0.5 * (side - v));
-        let disk = if sharp {
-            MovingDisk {
-                centre,
-                velocity,
-                radius: 0.22 * side,
-                lens: 1e-3,
-                light: 1e-3,
-                offset: [0.0; 2],
-                emitted: 0.0,
-            }
+        let (lens, plane) = if sharp {
+            (1e-3, Plane::Lit { light: 1e-3, height: 1e6, offset: [0.0; 2] })
         } else {
-            MovingDisk {
-                centre,
-                velocity,
-                radius: 0.22 * side,
-                lens: 0.06 * side,
-                light: 0.1 * side,
-                offset: [0.12 * side, 0.08 * side],
-                emitted: 0.3,
-            }
+            (0.06 * side, Plane::Shadowed { light: 0.1 * side, offset: [0.12 * side, 0.08 * side] })
         };
+        let emitted = if sharp { 0.0 } else { 0.3 };
+        let disk = MovingDisk { centre, velocity, radius: 0.22 * side, lens, emitted, plane };
         Self { kind: AnalyticKind::Disk, shape: Shape::Disk(disk) }
     }
 
@@ -376,31 +374,53 @@ impl MovingDisk {
         if (p[0] + lx - cx).powi(2) + (p[1] + ly - cy).powi(2) < self.radius * self.radius {
             return self.emitted;
         }
-        let (gx, gy) =
-            (p[0] + self.offset[0] + self.light * (p[5] - 0.5), p[1] + self.offset[1] + self.light * (p[6] - 0.5));
-        if (gx - cx).powi(2) + (gy - cy).powi(2) < self.radius * self.radius { 0.0 } else { 1.0 }
+        match self.plane {
+            Plane::Lit { light, height, offset } => {
+                let [gx, gy] = [0, 1].map(|k| offset[k] - p[k] + light * (p[5 + k] - 0.5));
+                let cosine_squared = height * height / (height * height + gx * gx + gy * gy);
+                cosine_squared * cosine_squared
+            }
+            Plane::Shadowed { light, offset } => {
+                let [gx, gy] = [0, 1].map(|k| p[k] + offset[k] + light * (p[5 + k] - 0.5));
+                if (gx - cx).powi(2) + (gy - cy).powi(2) < self.radius * self.radius { 0.0 } else { 1.0 }
+            }
+        }
     }
 
-    /// Lens and light in closed form; film and time by quadrature.
+    /// Lens and shadow in closed form; film and time by quadrature, and the lit plane's light.
     fn mean(&self, x: f64, y: f64, fine: usize) -> f64 {
         let mut sum = 0.0;
-        for (t, wt) in panels(0.0, 1.0, fine) {
-            let [cx, cy] = self.at(t);
-            for (px, wx) in panels(x, x + 1.0, fine) {
-                for (py, wy) in panels(y, y + 1.0, fine) {
-                    let covered = circles_overlap(self.radius, self.lens, (px - cx).hypot(py - cy))
-                        / (PI * self.lens * self.lens);
-                    let corner = [px + self.offset[0] - cx, py + self.offset[1] - cy].map(|v| v - 0.5 * self.light);
-                    let dark = circle_rectangle_overlap(
-                        self.radius,
-                        [corner[0], corner[0] + self.light],
-                        [corner[1], corner[1] + self.light],
-                    ) / (self.light * self.light);
-                    sum += wt * wx * wy * (covered * self.emitted + (1.0 - covered) * (1.0 - dark));
+        for (px, wx) in panels(x, x + 1.0, fine) {
+            for (py, wy) in panels(y, y + 1.0, fine) {
+                let lit = self.lit(px, py);
+                for (t, wt) in panels(0.0, 1.0, fine) {
+                    let [cx, cy] = self.at(t);
+                    let shared = circles_overlap(self.radius, self.lens, (px - cx).hypot(py - cy));
+                    let covered = shared / (PI * self.lens * self.lens);
+                    let seen = lit * (1.0 - self.dark([px - cx, py - cy]));
+                    sum += wt * wx * wy * (covered * self.emitted + (1.0 - covered) * seen);
                 }
             }
         }
         sum
+    }
+
+    /// Brightness of the plane at a film position, averaged over the light.
+    fn lit(&self, x: f64, y: f64) -> f64 {
+        let Plane::Lit { light, height, offset } = self.plane else { return 1.0 };
+        let square = height * height;
+        let low = [offset[0] - x, offset[1] - y].map(|o| o - 0.5 * light);
+        let sum = integrate(low[0], low[0] + light, 1, |gx| {
+            integrate(low[1], low[1] + light, 1, |gy| (square / (square + gx * gx + gy * gy)).powi(2))
+        });
+        sum / (light * light)
+    }
+
+    /// Share of the light that the disk hides from a position relative to the disk's centre.
+    fn dark(&self, at: [f64; 2]) -> f64 {
+        let Plane::Shadowed { light, offset } = self.plane else { return 0.0 };
+        let [x, y] = [0, 1].map(|k| at[k] + offset[k] - 0.5 * light);
+        circle_rectangle_overlap(self.radius, [x, x + light], [y, y + light]) / (light * light)
     }
 }
 
