@@ -1,6 +1,8 @@
 //! Issue: light at its limits. What could blow up is the solid angle (cancellation), the distance squared (underflow,
 //! overflow) and sums of power; irradiance by light sampling must stay within the stated bound of its closed form.
 
+#![allow(clippy::print_stdout, reason = "the measured figures that docs/numerics.md quotes")]
+
 use glam::{Affine3A, DVec3, Vec2, Vec3, Vec3A};
 use graeco::scene::{
     Geometry, Instance, Light, LightShape, Material, Mesh, Motion, Projection, Scene, Stage, StageCamera, StageLight,
@@ -78,13 +80,16 @@ fn exact(half: f32, p: Vec3, n: Vec3) -> f64 {
 /// adds γ₆₄; a 24 × 24 midpoint grid leaves 2e-3.
 #[test]
 fn a_light_that_shrinks_to_a_point_keeps_its_irradiance() {
+    let mut worst = 0.0_f64;
     for step in 0..30_u8 {
         let half = libm::powf(2.0, -f32::from(step));
         let got = irradiance(&emitter(square(half), 1.0), Vec3::new(0.0, -1.0, 0.0), Vec3::Y, 24);
         let want = f64::from(4.0 * half * half);
         let closed = if step < 10 { exact(half, Vec3::new(0.0, -1.0, 0.0), Vec3::Y) } else { want };
         assert!((got / closed - 1.0).abs() < 2e-3, "half side {half}: {got} {closed}");
+        worst = worst.max((got / closed - 1.0).abs());
     }
+    println!("shrinking to a point: {worst:.1e}");
 }
 
 /// The formula that the twin gets wrong: the triple product of unit vectors.
@@ -107,7 +112,9 @@ fn a_tiny_solid_angle_keeps_its_digits_and_the_naive_formula_does_not() {
     let check = |got: f64| (got / solid_angle - 1.0).abs() < 1e-3;
     let got = irradiance(&emitter(triangle.clone(), 1.0), from, n, 16);
     assert!(check(got), "{got} {solid_angle}");
+    println!("tiny solid angle: {:.1e}", (got / solid_angle - 1.0).abs());
     let naive = naive_solid_angle([triangle[0] - from, triangle[1] - from, triangle[2] - from]);
+    println!("its naive twin: {:.1e}", (f64::from(naive) / solid_angle - 1.0).abs());
     assert!(!check(f64::from(naive)), "the naive formula should have failed: {naive}");
 }
 
@@ -123,12 +130,15 @@ fn a_light_seen_edge_on_gives_nothing() {
 #[test]
 fn a_light_that_touches_the_surface_fills_the_hemisphere() {
     let light = emitter(square(1.0), 1.0);
+    let mut worst = 0.0_f64;
     for height in [1e-2_f32, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7] {
         let p = Vec3::new(0.125, -height, 0.25);
         let (got, want) = (irradiance(&light, p, Vec3::Y, 64), exact(1.0, p, Vec3::Y));
-        // Both triangles meet in an edge near the point, where neither angle is smooth: the grid leaves 3 %.
-        assert!((got / want - 1.0).abs() < 0.03, "height {height}: {got} {want}");
+        // Both triangles meet in an edge near the point, where neither angle is smooth: the grid leaves 1 %.
+        assert!((got / want - 1.0).abs() < 0.01, "height {height}: {got} {want}");
+        worst = worst.max((got / want - 1.0).abs());
     }
+    println!("touching: {worst:.1e}");
     let inside = irradiance(&light, Vec3::new(0.125, 0.0, 0.25), Vec3::Y, 16);
     assert!(inside.is_finite());
 }
@@ -141,10 +151,13 @@ fn a_light_behind_the_surface_gives_nothing() {
 
 #[test]
 fn a_light_larger_than_the_scene_is_a_sky() {
+    let mut worst = 0.0_f64;
     for half in [1e3_f32, 1e6, 1e9, 1e12] {
         let got = irradiance(&emitter(square(half), 1.0), Vec3::new(0.3, -1.0, 0.2), Vec3::Y, 64);
-        assert!((got / std::f64::consts::PI - 1.0).abs() < 0.03, "half side {half}: {got}");
+        assert!((got / std::f64::consts::PI - 1.0).abs() < 0.01, "half side {half}: {got}");
+        worst = worst.max((got / std::f64::consts::PI - 1.0).abs());
     }
+    println!("larger than the scene: {worst:.1e}");
 }
 
 /// Radiance is linear bit for bit: scaled by a power of two, every sample is; no power overflows the tree.
@@ -211,6 +224,7 @@ fn a_million_triangles_are_one_light() {
     let want = exact(1.0, p, Vec3::Y);
     // 2¹⁴ points of a relative deviation of about 1: 0.8 %, three times that.
     assert!((got / want - 1.0).abs() < 0.025, "{got} {want}");
+    println!("a million triangles: {:.1e}", (got / want - 1.0).abs());
 }
 
 /// Queries at hostile places draw nothing that is not a number.
