@@ -268,11 +268,19 @@ fn problem_of(
     Some(Problem::OtherSettings { differing: differing(own.as_ref(), settings) })
 }
 
-/// Names of the settings that differ.
+/// Names of the settings that differ, parts of a setting behind a point: `render.runs`.
 fn differing(a: Option<&serde_json::Value>, b: Option<&serde_json::Value>) -> Vec<String> {
     let (Some(serde_json::Value::Object(a)), Some(serde_json::Value::Object(b))) = (a, b) else { return Vec::new() };
     let names: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
-    names.into_iter().filter(|name| a.get(*name) != b.get(*name)).cloned().collect()
+    let mut found = Vec::new();
+    for name in names.into_iter().filter(|name| a.get(*name) != b.get(*name)) {
+        let inner = differing(a.get(name), b.get(name));
+        if inner.is_empty() {
+            found.push(name.clone());
+        }
+        found.extend(inner.iter().map(|part| format!("{name}.{part}")));
+    }
+    found
 }
 
 /// The value that occurs most often; of several the first that does.
@@ -298,6 +306,14 @@ mod tests {
         assert_eq!(last_number("a1b.0002.top.png"), Some(("a1b.", "0002", ".top.png")));
         assert_eq!(last_number("ä7.png"), Some(("ä", "7", ".png")));
         assert_eq!(last_number("still.png"), None);
+    }
+
+    #[test]
+    fn settings_that_differ_are_named_to_the_depth_where_they_do() {
+        let a = serde_json::json!({ "render": { "runs": 4, "size": [64, 36] }, "finish": "Half" });
+        let b = serde_json::json!({ "render": { "runs": 8, "size": [64, 36] }, "lens": null });
+        assert_eq!(differing(Some(&a), Some(&b)), ["finish", "lens", "render.runs"]);
+        assert!(differing(Some(&a), Some(&a)).is_empty() && differing(None, Some(&b)).is_empty());
     }
 
     #[test]
