@@ -34,8 +34,8 @@ pub struct EffectsPlan {
     pub point_lights: usize,
     /// Whether light comes from all around.
     pub surrounding_light: bool,
-    /// Whether some visible material reflects or transmits neither diffusely alone nor as a mirror.
-    pub glossy: bool,
+    /// Visible objects whose material reflects or transmits neither diffusely alone nor as a mirror.
+    pub glossy_objects: usize,
     /// Diffuse and rough bounces after the first hit.
     pub bounces: u16,
 }
@@ -71,10 +71,10 @@ impl EffectsPlan {
             sized_lights: sized,
             point_lights: stage.lights.len() - sized,
             surrounding_light,
-            glossy: count(&|i| {
+            glossy_objects: count(&|i| {
                 let m = material(i);
                 !m.unlit && !(m.metallic >= 1.0 && m.roughness <= 0.0 && m.metallic_roughness_texture.is_none())
-            }) > 0,
+            }),
             bounces,
         }
     }
@@ -97,6 +97,12 @@ impl EffectsPlan {
         self.has_extended_light() || self.point_lights > MOST_LIGHTS_VISITED
     }
 
+    /// Whether the direction of rough reflection needs sampling even at a path's last vertex.
+    #[must_use]
+    pub fn samples_gloss(&self) -> bool {
+        self.glossy_objects > 0 && self.has_extended_light()
+    }
+
     /// Whether a scattered ray can meet a light.
     #[must_use]
     pub fn has_extended_light(&self) -> bool {
@@ -117,7 +123,7 @@ impl EffectsPlan {
             if self.samples_light() {
                 factors.extend([Factor::light_u(vertex), Factor::light_v(vertex)]);
             }
-            if vertex < self.bounces || (self.glossy && self.has_extended_light()) {
+            if vertex < self.bounces || self.samples_gloss() {
                 factors.extend([Factor::lobe_u(vertex), Factor::lobe_v(vertex)]);
             }
         }
@@ -125,36 +131,70 @@ impl EffectsPlan {
     }
 }
 
+/// One line for each effect: whether it is sampled, and why.
 impl fmt::Display for EffectsPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let yes = |b: bool| if b { "sampled" } else { "not sampled" };
-        let time = if self.exposure_s <= 0.0 {
+        let lines = [self.time_line(), self.lens_line(), self.light_line(), self.gloss_line()];
+        f.write_str(&lines.join("\n"))
+    }
+}
+
+impl EffectsPlan {
+    /// Why time is sampled or not.
+    #[must_use]
+    pub fn time_line(&self) -> String {
+        let why = if self.exposure_s <= 0.0 {
             "the exposure is an instant".to_owned()
         } else {
-            format!(
-                "{} of {} objects and {} lights move in this exposure, the camera {}",
-                self.moving_objects,
-                self.objects,
-                self.moving_lights,
-                if self.camera_moves { "moves" } else { "stands" }
-            )
+            let mut parts = vec![format!("{} of {} objects move in this exposure", self.moving_objects, self.objects)];
+            if self.moving_lights > 0 {
+                parts.push(counted(self.moving_lights, "light moves", "lights move"));
+            }
+            parts.push(if self.camera_moves { "the camera moves" } else { "the camera stands" }.to_owned());
+            if self.rolling {
+                parts.push("lines are exposed one after another".to_owned());
+            }
+            parts.join(", ")
         };
-        let lens = if self.samples_lens() {
+        format!("time:    {}; {why}", yes(self.samples_time()))
+    }
+
+    /// Why the lens is sampled or not.
+    #[must_use]
+    pub fn lens_line(&self) -> String {
+        let why = if self.samples_lens() {
             format!("aperture radius {:.4} m", self.aperture_radius)
         } else {
             "pinhole: neither f-stop nor aperture radius is set".to_owned()
         };
-        writeln!(f, "time:    {}; {time}", yes(self.samples_time()))?;
-        writeln!(f, "lens:    {}; {lens}", yes(self.samples_lens()))?;
-        writeln!(
-            f,
-            "light:   {}; {} emissive objects, {} lights with an extent, {} without, {} from all around",
+        format!("lens:    {}; {why}", yes(self.samples_lens()))
+    }
+
+    /// Why lights are sampled or not.
+    #[must_use]
+    pub fn light_line(&self) -> String {
+        format!(
+            "light:   {}; {}, {} with an extent, {} without, {} from all around",
             yes(self.samples_light()),
-            self.emissive_objects,
-            self.sized_lights,
+            counted(self.emissive_objects, "emissive object", "emissive objects"),
+            counted(self.sized_lights, "light", "lights"),
             self.point_lights,
             if self.surrounding_light { "and light" } else { "no light" }
-        )?;
-        write!(f, "gloss:   {}; bounces: {}", yes(self.glossy && self.has_extended_light()), self.bounces)
+        )
     }
+
+    /// Why rough reflection is sampled or not.
+    #[must_use]
+    pub fn gloss_line(&self) -> String {
+        let rough = counted(self.glossy_objects, "object scatters", "objects scatter");
+        format!("gloss:   {}; {rough}; bounces: {}", yes(self.samples_gloss()), self.bounces)
+    }
+}
+
+fn yes(sampled: bool) -> &'static str {
+    if sampled { "sampled" } else { "not sampled" }
+}
+
+fn counted(count: usize, one: &str, more: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { more })
 }

@@ -1,9 +1,12 @@
 //! `graeco plan`.
 
-use super::shot_args::ShotArgs;
+use super::shot_args::{ShotArgs, not_negative};
 use clap::Args;
 use graeco::Result;
-use graeco::render::Shot;
+use graeco::design::{Design, Factor, PixelAddress};
+use graeco::effects::EffectsPlan;
+use graeco::render::{BlurExtent, Forecast, FrameList, Shot};
+use serde_json::{Value, json};
 
 /// Arguments of `graeco plan`.
 #[derive(Debug, Clone, Args)]
@@ -15,47 +18,202 @@ pub(crate) struct PlanArgs {
     #[arg(long, value_name = "N", default_value_t = 0, allow_hyphen_values = true)]
     pub(crate) frame: i64,
 
+    /// Seconds to spend on estimating how long rendering takes, from small parts of the picture; 0 estimates nothing
+    #[arg(long, value_name = "SECONDS", default_value_t = 2.0, value_parser = not_negative)]
+    pub(crate) measure: f64,
+
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
 
+/// The plan of one exposure.
+struct Exposure {
+    effects: EffectsPlan,
+    design: Design,
+    extent: BlurExtent,
+}
+
+/// What rendering is expected to take.
+struct Times {
+    frame: Forecast,
+    /// Frames of the animation, and seconds for all of them.
+    sequence: (usize, f64),
+    /// Frames that were measured for the sequence, the planned one included.
+    measured: usize,
+}
+
 /// Plans; gives the text to print.
 pub(crate) fn run(args: &PlanArgs) -> Result<String> {
     let settings = args.shot.settings();
+    args.shot.set_threads()?;
     let scene = args.shot.load()?;
     let environment = args.shot.environment()?;
     let surroundings = args.shot.surroundings(&scene, environment.as_ref());
-    let shot = Shot::new(&scene, &settings, &surroundings, "")?;
+    let mut shot = Shot::new(&scene, &settings, &surroundings, "")?;
     let plans = shot.plan(args.frame)?;
-    if args.json {
-        let list: Vec<_> = plans
-            .iter()
-            .map(|(effects, design)| {
-                serde_json::json!({
-                    "effects": effects,
-                    "factors": design.factors().iter().map(ToString::to_string).collect::<Vec<_>>(),
-                    "design": design.kind().to_string(),
-                    "dither": design.dither().to_string(),
-                    "runs": design.runs(),
-                    "reason": design.reason(),
-                })
+    let (extents, frame) = shot.forecast(args.frame, args.measure / 2.0)?;
+    let times = if args.measure > 0.0 {
+        let frames = FrameList::of_animation(shot.span(), settings.rate);
+        Some(estimate_sequence(&mut shot, frame, frames.frames(), args.measure / 2.0)?)
+    } else {
+        None
+    };
+    let exposures: Vec<Exposure> = plans
+        .into_iter()
+        .zip(extents)
+        .map(|((effects, design), extent)| Exposure { effects, design, extent })
+        .collect();
+    Ok(if args.json {
+        as_json(args.frame, &exposures, times.as_ref()).to_string()
+    } else {
+        as_text(args.frame, &exposures, times.as_ref())
+    })
+}
+
+/// Looks at frames spread over the animation.
+fn estimate_sequence(shot: &mut Shot<'_>, frame: Forecast, frames: &[i64], budget_s: f64) -> Result<Times> {
+    /// More do not sharpen the mean of what changes smoothly.
+    const LOOKED_AT: usize = 5;
+    if frames.len() <= 1 {
+        return Ok(Times { frame, sequence: (1, frame.seconds()), measured: 1 });
+    }
+    let chosen = frames.len().min(LOOKED_AT);
+    let mut sum = 0.0;
+    for i in 0..chosen {
+        // The middles of equal parts.
+        let number = frames[(2 * i + 1) * frames.len() / (2 * chosen)];
+        #[allow(clippy::cast_precision_loss, reason = "at most five")]
+        let (_, forecast) = shot.forecast(number, budget_s / chosen as f64)?;
+        sum += forecast.seconds();
+    }
+    #[allow(clippy::cast_precision_loss, reason = "at most 16 million frames")]
+    let seconds = sum / chosen as f64 * frames.len() as f64;
+    Ok(Times { frame, sequence: (frames.len(), seconds), measured: chosen })
+}
+
+/// Runs and the strata in which they fall, for one factor of one pixel: counted, not claimed.
+fn strata(design: &Design, factor: Factor) -> usize {
+    let pixel = design.pixel(PixelAddress { x: 0, y: 0, frame: 0, field: 0 });
+    let runs = design.runs();
+    let mut seen = vec![false; runs as usize];
+    for run in 0..runs {
+        let stratum = f64::from(pixel.point(run).get(factor)) * f64::from(runs);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to runs")]
+        let stratum = (stratum as usize).min(seen.len() - 1);
+        seen[stratum] = true;
+    }
+    seen.iter().filter(|s| **s).count()
+}
+
+fn as_json(frame: i64, exposures: &[Exposure], times: Option<&Times>) -> Value {
+    let list: Vec<Value> = exposures
+        .iter()
+        .map(|e| {
+            let factors: Vec<Value> = e
+                .design
+                .factors()
+                .iter()
+                .map(|&f| json!({ "factor": f.to_string(), "runs": e.design.runs(), "strata": strata(&e.design, f) }))
+                .collect();
+            json!({
+                "effects": e.effects,
+                "blur": e.extent,
+                "factors": factors,
+                "design": e.design.kind().to_string(),
+                "dither": e.design.dither().to_string(),
+                "runs": e.design.runs(),
+                "reason": e.design.reason(),
             })
-            .collect();
-        return Ok(serde_json::json!({ "frame": args.frame, "exposures": list }).to_string());
-    }
+        })
+        .collect();
+    let estimate = times.map(|t| {
+        json!({
+            "frame": t.frame,
+            "frame_s": t.frame.seconds(),
+            "sequence_frames": t.sequence.0,
+            "sequence_s": t.sequence.1,
+            "frames_measured": t.measured,
+        })
+    });
+    json!({ "frame": frame, "exposures": list, "estimate": estimate })
+}
+
+fn as_text(frame: i64, exposures: &[Exposure], times: Option<&Times>) -> String {
     let mut lines = Vec::new();
-    for (index, (effects, design)) in plans.iter().enumerate() {
-        if plans.len() > 1 {
-            lines.push(format!("field {} of frame {}", index + 1, args.frame));
+    for (index, e) in exposures.iter().enumerate() {
+        lines.push(if exposures.len() > 1 {
+            format!("field {} of frame {frame}", index + 1)
         } else {
-            lines.push(format!("frame {}", args.frame));
-        }
-        lines.push(effects.to_string());
-        let factors: Vec<String> = design.factors().iter().map(ToString::to_string).collect();
-        lines.push(format!("factors: {} ({})", factors.len(), factors.join(", ")));
-        lines.push(format!("design:  {}, {} runs a pixel; {}", design.kind(), design.runs(), design.reason()));
-        lines.push(format!("dither:  {}", design.dither()));
+            format!("frame {frame}")
+        });
+        lines.push(e.effects.time_line() + &motion_text(e));
+        let blur = if e.effects.samples_lens() {
+            format!(", at most {:.1} px out of focus", e.extent.defocus_px)
+        } else {
+            String::new()
+        };
+        lines.push(e.effects.lens_line() + &blur);
+        lines.push(e.effects.light_line());
+        lines.push(e.effects.gloss_line());
+        lines.push(format!("design:  {}, {} runs a pixel; {}", e.design.kind(), e.design.runs(), e.design.reason()));
+        lines.push(format!("dither:  {}", e.design.dither()));
+        lines.push(format!("factors: {}; every run draws all of them", e.design.factors().len()));
+        lines.extend(strata_lines(&e.design));
     }
-    Ok(lines.join("\n"))
+    if let Some(t) = times {
+        lines.extend(times_text(t));
+    }
+    lines.join("\n")
+}
+
+/// Factors that fall in as many strata, together.
+fn strata_lines(design: &Design) -> Vec<String> {
+    let mut groups: Vec<(usize, Vec<String>)> = Vec::new();
+    for &factor in design.factors() {
+        let count = strata(design, factor);
+        match groups.iter_mut().find(|g| g.0 == count) {
+            Some(group) => group.1.push(factor.to_string()),
+            None => groups.push((count, vec![factor.to_string()])),
+        }
+    }
+    let runs = design.runs();
+    let line = |(count, names): &(usize, Vec<String>)| {
+        format!("         {runs} runs in {count} of {runs} strata: {}", names.join(", "))
+    };
+    groups.iter().map(line).collect()
+}
+
+fn motion_text(e: &Exposure) -> String {
+    match (e.effects.samples_time(), e.extent.motion_node.as_str()) {
+        (false, _) => String::new(),
+        (true, "") => format!(", at most {:.1} px", e.extent.motion_px),
+        (true, node) => format!(", at most {:.1} px ({node})", e.extent.motion_px),
+    }
+}
+
+fn times_text(t: &Times) -> Vec<String> {
+    let (f, (frames, all)) = (&t.frame, t.sequence);
+    #[allow(clippy::cast_precision_loss, reason = "a share to be shown")]
+    let share = 100.0 * f.samples_tried as f64 / f.samples.max(1) as f64;
+    vec![
+        format!("time to render (an estimate from {share:.1} % of the samples, for this machine as it is loaded now):",),
+        format!(
+            "         frame     {} ± {} ({} to build, {} samples)",
+            duration(f.seconds()),
+            duration(f.standard_error_s),
+            duration(f.build_s),
+            f.samples
+        ),
+        format!("         sequence  {} for {frames} frames, from {} of them", duration(all), t.measured),
+    ]
+}
+
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 10.0 => format!("{s:.2} s"),
+        s if s < 120.0 => format!("{s:.0} s"),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
 }

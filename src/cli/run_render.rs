@@ -8,6 +8,7 @@ use graeco::output::{
     Cadence, Destination, Dither, ExrDepth, FieldFiles, FieldOrder, FrameFormat, OutputTarget, PngDepth, PngOptions,
     View, file,
 };
+use graeco::render::clock::cpu_seconds;
 use graeco::render::{Frame, FrameList, Progress, Settings, Shot};
 use graeco::time::Parity;
 use graeco::{Error, Result};
@@ -225,14 +226,6 @@ impl Work<'_> {
             self.reporter.say(&format!("warning: {} samples were not finite and left out", frame.cost.rejected));
         }
     }
-}
-
-/// Processor seconds of this process, all threads.
-#[allow(clippy::cast_precision_loss, reason = "seconds and microseconds are small")]
-fn cpu_seconds() -> f64 {
-    use nix::sys::resource::{UsageWho, getrusage};
-    let seconds = |t: nix::sys::time::TimeVal| t.tv_sec() as f64 + t.tv_usec() as f64 * 1e-6;
-    getrusage(UsageWho::RUSAGE_SELF).map_or(0.0, |u| seconds(u.user_time()) + seconds(u.system_time()))
 }
 
 /// The most memory that this process has held, bytes.

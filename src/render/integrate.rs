@@ -85,7 +85,7 @@ fn addresses(tile: Window, lines: Lines) -> impl Iterator<Item = (u32, u32)> {
 }
 
 #[allow(clippy::cast_possible_wrap, reason = "sides are at most 65 536")]
-fn render_tile(
+pub(super) fn render_tile(
     function: &impl ImageFunction,
     design: &Design,
     pass: &Pass<'_>,

@@ -4,12 +4,17 @@
 //! where it is interlaced; every pixel is computed alone, so tiles, threads and machines never show.
 
 pub mod aovs;
+pub mod clock;
+pub mod extent;
+pub mod forecast;
 pub mod frames;
 pub mod integrate;
 pub mod progress;
 pub mod settings;
 pub mod shot;
 
+pub use extent::BlurExtent;
+pub use forecast::Forecast;
 pub use frames::FrameList;
 pub use progress::Progress;
 pub use settings::{Scanning, Settings};

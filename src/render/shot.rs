@@ -1,10 +1,12 @@
 //! A scene with its settings, rendered frame by frame.
 
-use super::Progress;
 use super::aovs::{self, Aov};
+use super::extent::{self, BlurExtent};
+use super::forecast::{Forecast, forecast};
 use super::integrate::{Pass, integrate};
 use super::settings::{PassPlan, Scanning, Settings};
-use crate::design::Design;
+use super::{Progress, clock};
+use crate::design::{Design, DesignOptions};
 use crate::effects::EffectsPlan;
 use crate::film::{Film, Filter, Window};
 use crate::output::video::separate;
@@ -31,6 +33,8 @@ pub struct FrameCost {
     pub build_s: f64,
     /// Seconds to sample.
     pub render_s: f64,
+    /// Processor seconds of the process meanwhile, all threads.
+    pub render_cpu_s: f64,
     /// Samples taken.
     pub samples: u64,
     /// Rays traced.
@@ -168,6 +172,44 @@ impl<'a> Shot<'a> {
             .collect())
     }
 
+    fn camera(&self, stage: &Stage) -> CameraRays {
+        CameraRays::new(&stage.camera, self.settings.size, self.settings.pixel_aspect.ratio())
+    }
+
+    /// How large blur is on frame `frame`, for each exposure, and what the frame is expected to take, from rendering a
+    /// part of it for `budget_s` seconds or a little more.
+    ///
+    /// # Errors
+    /// As [`Shot::render`].
+    pub fn forecast(&mut self, frame: i64, budget_s: f64) -> Result<(Vec<BlurExtent>, Forecast)> {
+        /// More runs than these are stood for by as many: seconds are proportional to runs.
+        const MOST_RUNS: u32 = 64;
+        let passes = self.settings.passes(frame, self.file_shutter_angle)?;
+        let (mut total, mut extents) = (Forecast::default(), Vec::new());
+        for pass in &passes {
+            let started = Instant::now();
+            let (stage, plan) = self.prepare(pass);
+            let accel = Accel::build(self.scene, &stage, self.accel.take().as_ref());
+            let runs = self.settings.sampling.runs;
+            let options = DesignOptions { runs: runs.min(MOST_RUNS), ..self.settings.sampling };
+            let design = Design::new(&options, &plan.factors());
+            let camera = self.camera(&stage);
+            let lights = Lights::build(self.scene, &stage, &self.materials, &self.environment);
+            let parts =
+                Parts { scene: self.scene, stage: &stage, accel: &accel, materials: &self.materials, lights: &lights };
+            let tracer = PathTracer::new(parts, camera.clone(), self.settings.bounces, self.settings.caustics);
+            let build_s = started.elapsed().as_secs_f64();
+            extents.push(extent::measure(self.scene, &stage, &accel, &camera, self.settings.size));
+            let job = Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, number: pass.number };
+            #[allow(clippy::cast_precision_loss, reason = "one or two exposures")]
+            let budget_s = budget_s / passes.len() as f64;
+            let sampled = forecast(&tracer, &design, runs, &job, self.window(), budget_s);
+            total = total.then(Forecast { build_s, ..sampled });
+            self.accel = Some(accel);
+        }
+        Ok((extents, total))
+    }
+
     /// Renders frame `frame`; `None` if `progress` was cancelled.
     ///
     /// # Errors
@@ -185,19 +227,20 @@ impl<'a> Shot<'a> {
             let (stage, plan) = self.prepare(pass);
             let accel = Accel::build(self.scene, &stage, self.accel.take().as_ref());
             let design = Design::new(&self.settings.sampling, &plan.factors());
-            let camera = CameraRays::new(&stage.camera, self.settings.size, self.settings.pixel_aspect.ratio());
+            let camera = self.camera(&stage);
             let lights = Lights::build(self.scene, &stage, &self.materials, &self.environment);
             let parts =
                 Parts { scene: self.scene, stage: &stage, accel: &accel, materials: &self.materials, lights: &lights };
             let tracer = PathTracer::new(parts, camera, self.settings.bounces, self.settings.caustics);
             cost.build_s += started.elapsed().as_secs_f64();
-            let started = Instant::now();
+            let (started, cpu) = (Instant::now(), clock::cpu_seconds());
             let job = Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, number: pass.number };
             let mut complete = integrate(&tracer, &design, &job, &mut film, progress);
             if observes && complete {
                 complete = self.observe(pass, (&stage, &accel), &design, &job, film.window(), &mut observed, progress);
             }
             cost.render_s += started.elapsed().as_secs_f64();
+            cost.render_cpu_s += clock::cpu_seconds() - cpu;
             self.accel = Some(accel);
             if !complete {
                 return Ok(None);
@@ -222,7 +265,6 @@ impl<'a> Shot<'a> {
         observed: &mut [aovs::Observed],
         progress: &Progress,
     ) -> bool {
-        let camera = |s: &Stage| CameraRays::new(&s.camera, self.settings.size, self.settings.pixel_aspect.ratio());
         let stages: Vec<Stage> = if self.settings.aovs.contains(&Aov::Motion) {
             let at = |t: f64| self.view.stage(&self.rig, Exposure { open: t, close: t });
             pass.neighbours(self.settings.rate).map(at).to_vec()
@@ -230,10 +272,10 @@ impl<'a> Shot<'a> {
             Vec::new()
         };
         let neighbours = match &stages[..] {
-            [now, before, after] => Some([now, before, after].map(|s| Neighbour::new(s, camera(s)))),
+            [now, before, after] => Some([now, before, after].map(|s| Neighbour::new(s, self.camera(s)))),
             _ => None,
         };
-        let observer = Observer::new(self.scene, stage, accel, &self.materials, camera(stage), neighbours);
+        let observer = Observer::new(self.scene, stage, accel, &self.materials, self.camera(stage), neighbours);
         aovs::observe(&observer, design, job, window, observed, progress)
     }
 
