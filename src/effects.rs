@@ -73,7 +73,8 @@ impl EffectsPlan {
             surrounding_light,
             glossy_objects: count(&|i| {
                 let m = material(i);
-                !m.unlit && !(m.metallic >= 1.0 && m.roughness <= 0.0 && m.metallic_roughness_texture.is_none())
+                let mirror = m.metallic >= 1.0 && m.roughness <= 0.0 && m.metallic_roughness_texture.is_none();
+                !m.unlit && !mirror
             }),
             bounces,
         }

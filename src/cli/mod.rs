@@ -14,6 +14,7 @@ mod study_designs;
 mod study_dither;
 mod study_motion;
 mod study_patterns;
+mod study_spectrum;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -50,6 +51,7 @@ enum Study {
     Designs(study_designs::StudyDesignsArgs),
     Dither(study_dither::StudyDitherArgs),
     Patterns(study_patterns::StudyPatternsArgs),
+    Spectrum(study_spectrum::StudySpectrumArgs),
     Motion(Box<study_motion::StudyMotionArgs>),
 }
 
@@ -72,6 +74,7 @@ impl Cli {
             Command::Study(Study::Designs(args)) => study_designs::run(args)?,
             Command::Study(Study::Dither(args)) => study_dither::run(args)?,
             Command::Study(Study::Patterns(args)) => study_patterns::run(args)?,
+            Command::Study(Study::Spectrum(args)) => study_spectrum::run(args)?,
             Command::Study(Study::Motion(args)) => study_motion::run(args)?,
         }
         Ok(ExitCode::SUCCESS)

@@ -64,6 +64,9 @@ impl RenderArgs {
         let cadence = if self.shot.pulldown { Cadence::Pulldown(Parity::Top) } else { Cadence::Native };
         let lines = settings.size.1;
         match destination {
+            Destination::Frames(_) if self.chroma_notch || self.chroma.is_some() || self.bits.is_some() => Err(
+                Error::invalid("--chroma-notch, --chroma, --bits", "these are for video streams; frame files hold RGB"),
+            ),
             Destination::Frames(pattern) => {
                 let format = self.frame_format(&pattern.extension())?;
                 OutputTarget::frames(pattern, format, self.fields, frames)

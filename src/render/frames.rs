@@ -39,7 +39,7 @@ impl FrameList {
         let bound = |x: f64| x.clamp(-1e12, 1e12) as i64;
         let from = bound((first * rate.per_second() - SLACK).ceil());
         let to = bound((last * rate.per_second() + SLACK).floor()).max(from);
-        let to = to.min(from + MOST_FRAMES as i64 - 1);
+        let to = to.min(from + i64::try_from(MOST_FRAMES).unwrap_or(i64::MAX) - 1);
         Self { text: format!("{from}-{to}"), frames: (from..=to).collect() }
     }
 }

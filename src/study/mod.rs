@@ -5,6 +5,7 @@
 pub mod canvas;
 pub mod designs;
 pub mod dither;
+pub mod interlace;
 pub mod motion;
 pub mod patterns;
 pub mod plots;
