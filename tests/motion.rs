@@ -1,5 +1,12 @@
 //! Baked motion against dense evaluation of the curves, in pixels.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::float_cmp,
+    reason = "a test fails by panicking, prints what it measured, and holds exact values to exactness"
+)]
+
 #[path = "support/moving.rs"]
 mod moving;
 

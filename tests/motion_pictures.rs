@@ -5,6 +5,13 @@
 //! agree: pixel (column, row) of a picture w × h covers x from column − w/2 and y down from h/2 − row. Independent
 //! sampling where a test states a distribution: seeds are fixed.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::float_cmp,
+    reason = "a test fails by panicking, prints what it measured, and holds exact values to exactness"
+)]
+
 #[path = "support/moving.rs"]
 mod moving;
 

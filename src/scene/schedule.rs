@@ -23,7 +23,7 @@ impl Clock {
     #[must_use]
     pub fn new(interval: Exposure, amount: f64) -> Self {
         let middle = interval.middle();
-        if !(amount > 0.0) || interval.is_instant() {
+        if amount <= 0.0 || amount.is_nan() || interval.is_instant() {
             return Self { open: middle, close: middle };
         }
         if amount.to_bits() == 1.0_f64.to_bits() {
