@@ -1,4 +1,12 @@
 //! The corpus of real and of broken files: what loads, loads whole; what does not, ends in one sentence.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    reason = "helpers of tests: a failure is a panic, numbers are small, and skipped tests say so"
+)]
 
 use graeco::scene::gltf::{LoadOptions, load};
 use graeco::scene::{Interpolation, Mesh, Pixels, Property, Scene, Track};

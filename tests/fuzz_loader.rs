@@ -2,6 +2,14 @@
 //!
 //! The mutations are drawn from a fixed seed, so a failure names an iteration that repeats. `GRAECO_FUZZ_SECONDS`
 //! goes on for longer than the default number of iterations.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    reason = "helpers of tests: a failure is a panic, numbers are small, and skipped tests say so"
+)]
 
 use graeco::numeric::mix64;
 use graeco::scene::gltf::{LoadOptions, load};

@@ -3,6 +3,14 @@
 //! Each stored picture holds estimates and the variances of their means. With the same seed nothing changes bit for
 //! bit; where a change of sampling is meant, the two pictures must still agree within their variances. Run with
 //! `GRAECO_UPDATE_GOLDEN=1` to store new ones, and say why in the commit.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    reason = "helpers of tests: a failure is a panic, numbers are small, and skipped tests say so"
+)]
 
 #[path = "support/shots.rs"]
 mod shots;

@@ -1,4 +1,12 @@
 //! What must hold bit for bit, or in closed form, whatever the scene.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    reason = "helpers of tests: a failure is a panic, numbers are small, and skipped tests say so"
+)]
 
 #[path = "support/shots.rs"]
 mod shots;

@@ -1,5 +1,13 @@
 //! Interlaced fields of rendered scenes: they are what a progressive render at twice the rate would weave to, they do
 //! not flicker, and video tools take them for what they are.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    reason = "helpers of tests: a failure is a panic, numbers are small, and skipped tests say so"
+)]
 
 #[path = "support/shots.rs"]
 mod shots;

@@ -1,4 +1,12 @@
 //! Data flows one way: a module uses only modules above it. This reads the `use` lines and fails on an upward one.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    reason = "helpers of tests: a failure is a panic, numbers are small, and skipped tests say so"
+)]
 
 use std::fs;
 use std::path::{Path, PathBuf};
