@@ -130,7 +130,7 @@ fn haar_energies(values: &mut [f64], s: usize, bits: usize) -> Vec<f64> {
             // Sums stay at the multiples of 2^(bits − level), differences behind them; orthonormal in the mean.
             let step = stride << (bits - 1 - level);
             for index in 0..values.len() {
-                if index / stride % side % (2 << (bits - 1 - level)) == 0 {
+                if (index / stride % side).is_multiple_of(2 << (bits - 1 - level)) {
                     let (a, b) = (values[index], values[index + step]);
                     values[index] = (a + b) * 0.5;
                     // A difference over a pair of halves has energy (a − b)²/4 over the pair's extent.

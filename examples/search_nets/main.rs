@@ -19,6 +19,16 @@
 //! upper unitriangular matrices (so is each prefix of 2ᵏ points), and their objective is the mean logarithm of the
 //! variance over prefixes, the long ones weighted most.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_sign_loss,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    unreachable_pub,
+    reason = "a tool run by hand on small numbers, whose output is its product"
+)]
+
 mod energy;
 
 use energy::{Energies, MOST, Random};

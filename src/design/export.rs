@@ -81,11 +81,11 @@ pub fn write(design: &Design, extent: Extent, format: Format, out: &mut impl Wri
                 let pixel = design.pixel(PixelAddress { x, y, frame, field: 0 });
                 for run in 0..design.runs() {
                     let point = pixel.point(run);
-                    let coordinates = factors.iter().map(|f| point.get(*f));
+                    let mut coordinates = factors.iter().map(|f| point.get(*f));
                     match format {
                         Format::Csv => {
                             write!(out, "{x},{y},{frame},{run}")?;
-                            coordinates.map(|c| write!(out, ",{c:.9}")).collect::<io::Result<()>>()?;
+                            coordinates.try_for_each(|c| write!(out, ",{c:.9}"))?;
                             writeln!(out)?;
                         }
                         Format::Npy => {

@@ -119,7 +119,7 @@ pub(crate) fn point_in_stratum(stratum: u32, n: u32, position: u32) -> u32 {
     let (stratum, n) = (u64::from(stratum), u64::from(n));
     let low = (stratum << 24).div_ceil(n);
     let high = ((stratum + 1) << 24).div_ceil(n);
-    low_half(low + ((high - low) * u64::from(position) >> 32))
+    low_half(low + (((high - low) * u64::from(position)) >> 32))
 }
 
 #[cfg(test)]

@@ -78,7 +78,14 @@ struct ArrayMethod {
     ranks: Vec<u16>,
     /// Runs on each level.
     per_level: u32,
+    /// Permutations of a level's runs, one after the other; none where there are more than 32 runs on a level.
+    shuffles: Vec<u8>,
+    /// Where each stratum of 1/N starts, in 2⁻²⁴, and the end of the last.
+    bounds: Vec<u32>,
 }
+
+/// Permutations that refinement chooses from; a turn of its own makes each place equally likely.
+const SHUFFLES: u64 = 256;
 
 impl ArrayMethod {
     fn new(array: OrthogonalArray, factors: usize, correlated: bool) -> Self {
@@ -90,15 +97,41 @@ impl ArrayMethod {
             for column in 0..columns {
                 let count = &mut seen[column * array.levels() as usize + usize::from(array.level(run, column))];
                 // In an array of strength 2 and index unity a level meets each level of any other column once.
-                let partner = if column == 2 { 0 } else { column ^ 1 };
-                let partner = if column > 2 { (column - 3 ^ 1) + 3 } else { partner };
+                let partner = match column {
+                    0 | 1 => 1 - column,
+                    2 => 0,
+                    _ => ((column - 3) ^ 1) + 3,
+                };
                 let rank =
                     if array.strength() == 2 && partner < array.columns() { array.level(run, partner) } else { *count };
                 ranks.push(rank);
                 *count += 1;
             }
         }
-        Self { array, columns, correlated, ranks, per_level }
+        let mut shuffles = Vec::new();
+        if per_level as usize <= MAX_LEVELS {
+            for i in 0..SHUFFLES {
+                let mut shuffle = vec![0; per_level as usize];
+                fill_permutation(&mut shuffle, subkey(numeric::mix64(u64::from(per_level)), i));
+                shuffles.extend(shuffle);
+            }
+        }
+        let runs = array.runs();
+        let bounds = (0..runs).map(|stratum| point_in_stratum(stratum, runs, 0)).chain([1 << 24]).collect();
+        Self { array, columns, correlated, ranks, per_level, shuffles, bounds }
+    }
+
+    /// Where within its level a run of rank `rank` falls.
+    #[inline]
+    fn refined(&self, rank: u32, key: u64) -> u32 {
+        if self.shuffles.is_empty() {
+            return permute(rank, self.per_level, key);
+        }
+        let start = usize::try_from(key % SHUFFLES).unwrap_or(0) * self.per_level as usize;
+        #[allow(clippy::cast_possible_truncation, reason = "the upper half of a product with 32 bits")]
+        let turn = (((key >> 32) * u64::from(self.per_level)) >> 32) as u32;
+        let place = u32::from(self.shuffles[start + rank as usize]) + turn;
+        if place < self.per_level { place } else { place - self.per_level }
     }
 }
 
@@ -308,12 +341,11 @@ impl Point<'_> {
                 scramble_reversed(net.reversed(usize::from(column), self.index), seed).reverse_bits()
             }
             Method::Array(method) if column != PAD => self.array_level(method, usize::from(column)),
-            Method::Random => self.jitter(factor),
             Method::Jittered if !factor.is_extra() && factor != Factor::SHUTTER => self.jittered_pair(factor),
             Method::Disk(tiles) if factor == Factor::FILM_X || factor == Factor::FILM_Y => {
                 tiles.coordinate(self.run, factor == Factor::FILM_Y, self.pixel.key)
             }
-            Method::Disk(_) => self.jitter(factor),
+            Method::Random | Method::Disk(_) => self.jitter(factor),
             Method::LatinHypercube | Method::Jittered => self.stratum_of_its_own(factor),
             _ if factor.is_extra() => self.stratum_of_its_own(factor),
             _ => self.pad(factor),
@@ -375,9 +407,12 @@ impl Point<'_> {
         let rank = u32::from(method.ranks[self.run as usize * method.columns + column]);
         let group = if method.correlated { 0 } else { u64::from(level) + 1 };
         let key = subkey(self.pixel.key, tag::REFINE | group << 16 | column as u64);
-        let runs = self.pixel.design.runs;
-        let stratum = level * method.per_level + permute(rank, method.per_level, key);
-        point_in_stratum(stratum, runs, subseed(key, (1 << 32) | u64::from(self.run))) << 8
+        let stratum = (level * method.per_level + method.refined(rank, key)) as usize;
+        let (low, high) = (method.bounds[stratum], method.bounds[stratum + 1]);
+        let position = u64::from(subseed(key, (1 << 32) | u64::from(self.run)));
+        #[allow(clippy::cast_possible_truncation, reason = "below the stratum's width")]
+        let offset = ((u64::from(high - low) * position) >> 32) as u32;
+        (low + offset) << 8
     }
 
     /// A factor of a further vertex: four factors share a net of their own, its runs shuffled against all others.

@@ -323,10 +323,10 @@ impl Analytic {
                 let at = |k: usize, t: f64| corner[k] + 0.5 + velocity[k] * t - centre[k];
                 // Both axes' shares are polynomials in t between these times.
                 let mut breaks = Vec::new();
-                for k in 0..2 {
+                for (k, speed) in velocity.iter().enumerate() {
                     for edge in [-half, *half] {
                         for bend in [-1.0 - penumbra, -1.0 + penumbra, 1.0 - penumbra, 1.0 + penumbra] {
-                            breaks.push((edge + 0.5 * bend - at(k, 0.0)) / velocity[k]);
+                            breaks.push((edge + 0.5 * bend - at(k, 0.0)) / speed);
                         }
                     }
                 }
@@ -439,6 +439,7 @@ fn disk_from_square(u: f64, v: f64) -> [f64; 2] {
 /// order, E₁(z) = ∫₀ᶻ exp(i k s²) ds and E₂ = ∫ E₁ = z E₁(z) − (exp(i k z²) − 1) / (2 i k).
 fn zone_mean(k: f64, speed: f64, low: [f64; 2]) -> f64 {
     let first = |z: f64| {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few turns of phase")]
         let count = 2 + (k * z * z / 4.0) as usize;
         [integrate(0.0, z, count, |s| libm::cos(k * s * s)), integrate(0.0, z, count, |s| libm::sin(k * s * s))]
     };
