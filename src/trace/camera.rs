@@ -93,10 +93,16 @@ impl CameraRays {
         };
         if let Some(lens) = lens {
             let [open, close] = self.camera.focus_distance;
-            let focus = open + (close - open) * film.u_time;
-            // Towards the point in focus, scaled so that z stays −1: a focus at infinity would overflow, and the
-            // quotient vanishes there as it should.
-            direction -= lens / focus;
+            // A blend of two infinities is none.
+            let focus = if open.to_bits() == close.to_bits() { open } else { open + (close - open) * film.u_time };
+            // Towards the point in focus, at a scale on which neither a focus at infinity nor one within the lens
+            // overflows.
+            let reach = lens.abs().max_element();
+            if focus >= reach {
+                direction -= lens / focus;
+            } else {
+                direction = direction * (focus / reach) - lens / reach;
+            }
             origin += lens;
         }
         let world = self.camera.motion.at(film.u_time);

@@ -8,13 +8,19 @@
     reason = "a test fails by panicking, prints what it measured, and holds exact values to exactness"
 )]
 
+mod designs;
+mod estimation;
 mod geometry;
+mod lens;
 mod light;
 mod materials;
 mod motion_bounds;
 #[path = "../support/moving.rs"]
 mod moving;
+mod pictures;
 mod self_intersection;
+#[path = "../support/shots.rs"]
+mod shots;
 mod support;
 mod time;
 mod transforms;
