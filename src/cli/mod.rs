@@ -10,6 +10,7 @@ mod render;
 mod run_render;
 mod shot;
 mod shot_args;
+mod study_cost;
 mod study_designs;
 mod study_dither;
 mod study_motion;
@@ -48,6 +49,9 @@ enum Command {
 
 #[derive(Debug, Subcommand)]
 enum Study {
+    // A study takes a list of runs where rendering takes one number.
+    #[command(mut_arg("runs", |one| one.long("runs-of-render").short('R').hide(true)))]
+    Cost(Box<study_cost::StudyCostArgs>),
     Designs(study_designs::StudyDesignsArgs),
     Dither(study_dither::StudyDitherArgs),
     Patterns(study_patterns::StudyPatternsArgs),
@@ -71,6 +75,7 @@ impl Cli {
                     return Ok(ExitCode::FAILURE);
                 }
             }
+            Command::Study(Study::Cost(args)) => study_cost::run(args)?,
             Command::Study(Study::Designs(args)) => study_designs::run(args)?,
             Command::Study(Study::Dither(args)) => study_dither::run(args)?,
             Command::Study(Study::Patterns(args)) => study_patterns::run(args)?,

@@ -3,6 +3,7 @@
 //! Reads all other modules, is read by none.
 
 pub mod canvas;
+pub mod cost;
 pub mod designs;
 pub mod dither;
 pub mod interlace;

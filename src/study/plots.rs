@@ -6,7 +6,7 @@ use crate::{Error, Result};
 use plotters::prelude::*;
 
 /// Colours that stay apart for most eyes (after Okabe and Ito 2008), and greys for what is no contender.
-const fn colour(kind: Kind) -> RGBColor {
+pub(super) const fn colour(kind: Kind) -> RGBColor {
     match kind {
         Kind::Random => RGBColor(150, 150, 150),
         Kind::Jittered => RGBColor(204, 121, 167),
