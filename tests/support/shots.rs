@@ -60,3 +60,8 @@ pub(crate) fn picture_of(scene: &Scene, settings: &Settings, frame: i64) -> Pict
     let picture = shot.pictures(frame, &rendered, FieldFiles::Woven).unwrap().remove(0);
     picture.with_variance(&rendered.film)
 }
+
+/// No light from all around.
+pub(crate) fn dark() -> Surroundings<'static> {
+    Surroundings { background: Background::Black, name: String::new() }
+}
