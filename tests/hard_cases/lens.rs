@@ -77,7 +77,7 @@ fn a_lens_focused_at_infinity_sends_parallel_rays() {
     // The planted twin aims at the point in focus itself: at infinity that is no point.
     let naive = |lens: Vec3A, focus: f32| (Vec3A::new(0.1, 0.2, -1.0) * focus - lens).normalize();
     assert!(!naive(Vec3A::new(0.1, 0.0, 0.0), f32::INFINITY).is_finite());
-    assert!(!naive(Vec3A::new(0.1, 0.0, 0.0), 1e30).is_finite(), "squares overflow long before");
+    assert!((naive(Vec3A::new(0.1, 0.0, 0.0), 1e30).length() - 1.0).abs() > 0.5, "squares overflow long before");
 }
 
 #[test]
