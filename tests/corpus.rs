@@ -174,7 +174,12 @@ fn check_mesh(mesh: &Mesh, scene: &Scene, name: &str) {
     }
     assert!(mesh.uvs.iter().all(|u| u.len() == vertices && u.iter().all(|c| c.is_finite())), "{name}");
     assert!(mesh.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-6), "{name}: normals have unit length");
-    assert!(mesh.tangents.iter().all(|t| (t.truncate().length() - 1.0).abs() < 1e-6 && t.w.abs() == 1.0), "{name}");
+    assert!(
+        mesh.tangents
+            .iter()
+            .all(|t| (t.truncate().length() - 1.0).abs() < 1e-6 && t.w.abs().to_bits() == 1.0_f32.to_bits()),
+        "{name}"
+    );
     if let Some(skin) = &mesh.skin {
         assert_eq!((skin.joints.len(), skin.weights.len()), (vertices * skin.influences, vertices * skin.influences));
         for weights in skin.weights.chunks(skin.influences) {

@@ -1,5 +1,14 @@
 //! What every design promises: exact strata, orthogonality, coordinates in range, addresses that mean one thing.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    clippy::unwrap_used,
+    reason = "tests count small things, and fail by panicking"
+)]
+
 use graeco::design::array::OrthogonalArray;
 use graeco::design::export::first_factors;
 use graeco::design::{Design, DesignOptions, Dither, Factor, Kind, Mask, Over, PixelAddress, PixelDesign};
@@ -111,7 +120,7 @@ fn correlated_refinement_ties_a_factors_strata_to_its_partners_levels() {
     let x = strata(&pixel, Factor::FILM_X, runs, runs);
     let y = strata(&pixel, Factor::FILM_Y, runs, q);
     // Within its level, x's place is a function of y's level alone.
-    let mut place = vec![None; 8];
+    let mut place = [None; 8];
     for (x, y) in x.iter().zip(y) {
         let known = place[y as usize].get_or_insert(x % q);
         assert_eq!(*known, x % q);

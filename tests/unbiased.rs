@@ -1,5 +1,14 @@
 //! Designs estimate the analytic integrals without bias and never worse than independent points; planted defects show.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    clippy::unwrap_used,
+    reason = "tests count small things, and fail by panicking"
+)]
+
 use graeco::design::{Design, DesignOptions, Dither, Kind, PixelAddress, nets};
 use graeco::trace::analytic::{Analytic, AnalyticKind, FACTORS};
 

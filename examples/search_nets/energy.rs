@@ -27,7 +27,7 @@ impl Random {
     }
 
     pub fn below(&mut self, n: u32) -> u32 {
-        ((self.bits() >> 32) * u64::from(n) >> 32) as u32
+        (((self.bits() >> 32) * u64::from(n)) >> 32) as u32
     }
 
     pub fn unit(&mut self) -> f64 {
@@ -55,8 +55,7 @@ impl Energies {
     pub fn of_half_spaces(seed: u64, shares: [f64; 4]) -> Self {
         let mut random = Random(seed);
         let mut tables = vec![Vec::new()];
-        for s in 1..=MOST {
-            let bits = GRID_BITS[s];
+        for (s, &bits) in GRID_BITS.iter().enumerate().skip(1).take(MOST) {
             let mut sum = vec![0.0; (bits as usize).pow(s as u32)];
             for (support, share) in SUPPORTS.into_iter().zip(shares).filter(|&(support, _)| support >= s) {
                 // The chance that a given subset of s factors is among the S.

@@ -9,28 +9,28 @@ use graeco::trace::accel::Accel;
 use graeco::trace::{Backs, Ray};
 
 /// Numbers from a counter.
-pub struct Dice(u64);
+pub(crate) struct Dice(u64);
 
 impl Dice {
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(mix64(seed ^ 0x5851_f42d_4c95_7f2d))
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "takes the upper half")]
-    pub fn unit(&mut self) -> f32 {
+    pub(crate) fn unit(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         unit_from_bits((mix64(self.0) >> 32) as u32)
     }
 
-    pub fn signed(&mut self) -> f32 {
+    pub(crate) fn signed(&mut self) -> f32 {
         2.0 * self.unit() - 1.0
     }
 
-    pub fn vec(&mut self) -> Vec3 {
+    pub(crate) fn vec(&mut self) -> Vec3 {
         Vec3::new(self.signed(), self.signed(), self.signed())
     }
 
-    pub fn below(&mut self, n: usize) -> usize {
+    pub(crate) fn below(&mut self, n: usize) -> usize {
         #[allow(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -45,7 +45,7 @@ impl Dice {
 /// A closed torus of `2 · n²` triangles, bumpy by `bumps`, around the origin; radii 1 and ½, so the origin is outside and
 /// (1, 0, 0) inside. `n` = 24 gives 1152.
 #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "a small grid")]
-pub fn torus(n: usize, bumps: f32) -> Mesh {
+pub(crate) fn torus(n: usize, bumps: f32) -> Mesh {
     let angle = |i: usize| std::f32::consts::TAU * i as f32 / n as f32;
     let mut dice = Dice::new(3);
     let mut mesh = Mesh::default();
@@ -64,7 +64,7 @@ pub fn torus(n: usize, bumps: f32) -> Mesh {
 }
 
 /// A closed, convex unit sphere of `8 · 4ⁿ` triangles, from an octahedron, seen from outside counter-clockwise.
-pub fn sphere(subdivisions: u32) -> Mesh {
+pub(crate) fn sphere(subdivisions: u32) -> Mesh {
     let mut positions = vec![Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
     let mut triangles: Vec<[u32; 3]> =
         vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
@@ -87,24 +87,24 @@ pub fn sphere(subdivisions: u32) -> Mesh {
 }
 
 /// A scene of double-sided `meshes`.
-pub fn scene(meshes: Vec<Mesh>) -> Scene {
+pub(crate) fn scene(meshes: Vec<Mesh>) -> Scene {
     let material = Material { double_sided: true, ..Material::default() };
     Scene { meshes, materials: vec![material], ..Scene::default() }
 }
 
 /// A mesh at rest.
-pub fn rest(mesh: usize) -> Geometry {
+pub(crate) fn rest(mesh: usize) -> Geometry {
     Geometry { mesh, keys: Vec::new(), times: Vec::new() }
 }
 
 /// A mesh that goes through `keys` at `times`.
-pub fn deforming(mesh: usize, keys: Vec<Vec<Vec3>>, times: Vec<f32>) -> Geometry {
+pub(crate) fn deforming(mesh: usize, keys: Vec<Vec<Vec3>>, times: Vec<f32>) -> Geometry {
     let keys = keys.into_iter().map(|positions| VertexKey { positions, ..VertexKey::default() }).collect();
     Geometry { mesh, keys, times }
 }
 
 /// A stage of geometries, each placed once.
-pub fn stage(placed: Vec<(Geometry, Motion, bool)>) -> Stage {
+pub(crate) fn stage(placed: Vec<(Geometry, Motion, bool)>) -> Stage {
     let instances = placed
         .iter()
         .enumerate()
@@ -130,16 +130,16 @@ pub fn stage(placed: Vec<(Geometry, Motion, bool)>) -> Stage {
 }
 
 /// One mesh that stands where it is.
-pub fn single(mesh: Mesh, transform: Affine3A) -> (Scene, Stage) {
+pub(crate) fn single(mesh: Mesh, transform: Affine3A) -> (Scene, Stage) {
     (scene(vec![mesh]), stage(vec![(rest(0), Motion::still(transform), true)]))
 }
 
 /// A ray without end.
-pub fn ray(origin: Vec3A, direction: Vec3A, u_time: f32) -> Ray {
+pub(crate) fn ray(origin: Vec3A, direction: Vec3A, u_time: f32) -> Ray {
     Ray { origin, direction, t_max: f32::INFINITY, u_time, backs: Backs::Stop }
 }
 
 /// The structures of `stage`.
-pub fn build(scene: &Scene, stage: &Stage) -> Accel {
+pub(crate) fn build(scene: &Scene, stage: &Stage) -> Accel {
     Accel::build(scene, stage, None)
 }

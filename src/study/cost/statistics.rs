@@ -195,7 +195,7 @@ mod tests {
 
     /// relMSE = c / runs^1.5 with a little between seeds; seconds = runs / 100.
     fn made(seed: u64, runs: u32) -> Measurement {
-        let factor = [0.9, 1.0, 1.1][seed as usize];
+        let factor = [0.9, 1.0, 1.1][usize::try_from(seed).unwrap()];
         let rel_mse = factor * f64::from(runs).powf(-1.5);
         let errors = Errors { mse: rel_mse, rmse: rel_mse.sqrt(), rel_mse, rel_mse_raw: rel_mse, flip: 0.1 };
         Measurement {

@@ -1,4 +1,5 @@
 //! Whole structures against brute force over every triangle.
+#![allow(clippy::cast_possible_truncation, reason = "test meshes are small")]
 
 use super::*;
 use crate::scene::stage::VertexKey;
