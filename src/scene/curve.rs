@@ -242,7 +242,7 @@ impl Track<Quat> {
     }
 
     /// Bounds of the rotation matrix over the piece (`a`, `b`): its norm is 1, its derivatives follow from the
-    /// angular velocity ω, R′ = [ω]R and R″ = ([ω′] + [ω]²)R, so |R′| ≤ |ω| and |R″| ≤ |ω′| + |ω|².
+    /// angular velocity ω, R′ = \[ω\]R and R″ = ([ω′] + \[ω\]²)R, so |R′| ≤ |ω| and |R″| ≤ |ω′| + |ω|².
     ///
     /// A slerp turns at a constant ω. A normalised cubic n = q/ρ, ρ = |q|, has ω = 2n′n* and ω′ = 2 Im(n″n*), hence
     /// |ω| = 2|n′| and |ω′| = 2|n″⊥|, the part of n″ across n. From q = ρn: n′ = q′⊥/ρ and n″⊥ = (q″⊥ − 2ρ′n′)/ρ; with

@@ -6,7 +6,7 @@
 //! corners are interpolated at the ray's time; a stage in which nothing moves runs none of the code for time.
 //!
 //! Hits do not depend on the shape of the trees, the order of traversal or the processor: the triangle test decides alone
-//! ([`block`]), boxes only spare it work and are conservative for it ([`frame`]), and equal distances go to the first
+//! (`block`), boxes only spare it work and are conservative for it (`frame`), and equal distances go to the first
 //! instance and triangle.
 
 mod block;
