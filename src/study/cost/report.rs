@@ -268,6 +268,10 @@ fn reach_text(r: &Reach) -> String {
 }
 
 fn ends(i: &Interval) -> String {
+    // Beyond three powers of ten either way the seeds agree on nothing.
+    if i.high > 1e3 * i.mean {
+        return "<small>not known</small>".to_owned();
+    }
     format!("<small>{} – {}</small>", short(i.low), short(i.high))
 }
 
