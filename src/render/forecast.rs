@@ -3,7 +3,6 @@
 //! Blocks of 8 × 8 pixels, spread evenly over the picture, are rendered as the frame would be, until a budget is spent.
 //! Their seconds, scaled by samples, are the estimate; the spread between blocks gives its standard error.
 
-use super::Progress;
 use super::integrate::{Pass, render_tile};
 use crate::design::Design;
 use crate::film::Window;
@@ -54,6 +53,7 @@ const LEAST_BLOCKS: usize = 8;
 
 /// Renders blocks for at least `budget_s` seconds (nothing at 0); `trial` is the frame's design, or one of fewer runs that stands for
 /// the frame's `runs`.
+#[allow(clippy::cast_precision_loss, reason = "counts far below 2^52")]
 pub(super) fn forecast(
     function: &impl ImageFunction,
     trial: &Design,
@@ -68,6 +68,8 @@ pub(super) fn forecast(
     let blocks = spread_blocks(window);
     let batch = rayon::current_num_threads() * 4;
     let started = Instant::now();
+    // The blocks' own seconds over threads: a batch's end, at which threads wait, is no part of a frame.
+    let threads = rayon::current_num_threads() as f64;
     let (mut seconds, mut costs) = (0.0, Vec::new());
     // The first blocks load what later ones find in the cache: they are rendered twice and timed once.
     for &block in blocks.iter().take(2) {
@@ -75,7 +77,6 @@ pub(super) fn forecast(
     }
     let (mut pixels, mut samples) = (0_u64, 0_u64);
     for chunk in blocks.chunks(batch) {
-        let began = Instant::now();
         let done: Vec<(f64, u64, u64)> = chunk
             .par_iter()
             .map(|&block| {
@@ -84,8 +85,8 @@ pub(super) fn forecast(
                 (own.elapsed().as_secs_f64(), estimates.len() as u64, runs)
             })
             .collect();
-        seconds += began.elapsed().as_secs_f64();
         for (own, count, runs) in done.into_iter().filter(|d| d.1 > 0) {
+            seconds += own / threads;
             costs.push(own / runs as f64);
             pixels += count;
             samples += runs;
@@ -94,8 +95,6 @@ pub(super) fn forecast(
             break;
         }
     }
-    // Rays of the trial are no frame's rays.
-    Progress::default().advance(0, 0);
     scaled(seconds, &costs, samples, super::integrate::pixels_of(window, pass.lines) * u64::from(runs), pixels)
 }
 
