@@ -89,7 +89,8 @@ fn effects_left_out_are_gone_from_the_plan() {
 fn a_forecast_counts_samples_and_measures_blur() {
     let look = |name: &str, settings: &Settings| {
         let scene = load(name);
-        let mut shot = Shot::new(&scene, settings, &DARK, "").unwrap();
+        let dark = DARK;
+        let mut shot = Shot::new(&scene, settings, &dark, "").unwrap();
         let (extents, forecast) = shot.forecast(12, 0.01).unwrap();
         (extents[0].clone(), forecast)
     };
