@@ -21,6 +21,7 @@ pub mod motion;
 pub mod node;
 pub mod rig;
 pub mod schedule;
+pub mod sources;
 pub mod stage;
 pub mod texture;
 pub mod view;
@@ -34,6 +35,7 @@ pub use material::{AlphaMode, Material, Specular, TextureRef};
 pub use mesh::{Mesh, MorphTarget, SkinBinding};
 pub use motion::Motion;
 pub use node::{LocalTransform, Node, Skin};
+pub use sources::{SourceFile, Sources, sources};
 pub use stage::{Geometry, Instance, Stage, StageCamera, StageLight};
 pub use texture::{Image, Pixels, Texture, Wrap};
 
@@ -95,7 +97,7 @@ pub struct Scene {
     pub extensions: Vec<ExtensionUse>,
     /// What was odd but not fatal, as one sentence each.
     pub warnings: Vec<String>,
-    /// BLAKE3 over the scene file and everything it refers to, in order of reference.
+    /// BLAKE3 over the scene file and everything it refers to: [`Sources::hash`].
     pub hash: [u8; 32],
 }
 

@@ -5,8 +5,8 @@ use super::schema::{Document, Object};
 use crate::{Error, Result};
 use serde::de::DeserializeOwned;
 use std::cell::{Cell, RefCell};
-use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 
 /// No single thing decoded from a file may be larger, bytes.
 pub(super) const LARGEST: u64 = 1 << 30;
@@ -28,7 +28,7 @@ pub(super) struct Context<'a> {
     said: RefCell<BTreeSet<String>>,
     read: Cell<u64>,
     spent: Cell<u64>,
-    hasher: RefCell<blake3::Hasher>,
+    files: RefCell<BTreeMap<PathBuf, (u64, [u8; 32])>>,
 }
 
 impl<'a> Context<'a> {
@@ -41,7 +41,7 @@ impl<'a> Context<'a> {
             said: RefCell::default(),
             read: Cell::new(0),
             spent: Cell::new(0),
-            hasher: RefCell::new(blake3::Hasher::new()),
+            files: RefCell::default(),
         }
     }
 
@@ -63,17 +63,18 @@ impl<'a> Context<'a> {
         self.warnings.take()
     }
 
-    /// Adds a file that was read to the hash and to what decoding may cost.
-    pub(super) fn count_file(&self, bytes: &[u8]) {
-        let mut hasher = self.hasher.borrow_mut();
-        hasher.update(&(bytes.len() as u64).to_le_bytes());
-        hasher.update(bytes);
-        self.read.set(self.read.get().saturating_add(bytes.len() as u64));
+    /// Adds the file `path` that was read to what decoding may cost, and notes its length and BLAKE3, which it gives.
+    pub(super) fn count_file(&self, path: &Path, bytes: &[u8]) -> (u64, [u8; 32]) {
+        let length = bytes.len() as u64;
+        let identity = (length, *blake3::hash(bytes).as_bytes());
+        self.files.borrow_mut().insert(path.to_path_buf(), identity);
+        self.read.set(self.read.get().saturating_add(length));
+        identity
     }
 
-    /// BLAKE3 over everything counted.
-    pub(super) fn hash(&self) -> [u8; 32] {
-        *self.hasher.borrow().finalize().as_bytes()
+    /// Length and BLAKE3 of a file that was counted.
+    pub(super) fn counted(&self, path: &Path) -> Option<(u64, [u8; 32])> {
+        self.files.borrow().get(path).copied()
     }
 
     /// What may still be decoded, bytes.

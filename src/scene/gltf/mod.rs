@@ -23,6 +23,7 @@ mod materials;
 mod meshes;
 mod meshopt;
 mod nodes;
+mod references;
 mod schema;
 mod tangents;
 #[cfg(test)]
@@ -31,6 +32,7 @@ mod textures;
 mod uri;
 mod variants;
 
+use super::sources::Sources;
 use super::{ExtensionUse, Scene};
 use crate::Result;
 use buffers::Buffers;
@@ -59,7 +61,7 @@ pub struct LoadOptions {
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene> {
     let mut ctx = Context::new(path.to_path_buf(), options);
     let bytes = uri::read_bounded(&ctx, path, "file")?;
-    ctx.count_file(&bytes);
+    let identity = ctx.count_file(path, &bytes);
     let (doc, binary) = container::open(&ctx, &bytes)?;
     drop(bytes);
     ctx.doc = doc;
@@ -89,8 +91,20 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene> {
         environment,
         extensions: extensions(&ctx),
         warnings: ctx.take_warnings(),
-        hash: ctx.hash(),
+        hash: references::list(&ctx, identity)?.hash,
     })
+}
+
+/// The files that the scene `path` is made of, as [`load`] would find them: those that any view of it may need.
+///
+/// # Errors
+/// If the scene file cannot be read or is no glTF.
+pub fn sources(path: &Path, options: &LoadOptions) -> Result<Sources> {
+    let mut ctx = Context::new(path.to_path_buf(), options);
+    let bytes = uri::read_bounded(&ctx, path, "file")?;
+    let identity = ctx.count_file(path, &bytes);
+    ctx.doc = container::open(&ctx, &bytes)?.0;
+    references::list(&ctx, identity)
 }
 
 /// Every extension that the file names.

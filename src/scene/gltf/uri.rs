@@ -12,9 +12,9 @@ pub(super) fn read(ctx: &Context<'_>, uri: &str, object: &str) -> Result<Vec<u8>
     if let Some(rest) = strip_scheme(uri, "data") {
         return data(ctx, rest, object);
     }
-    let path = resolve(ctx, uri, object)?;
+    let (path, _) = resolve(ctx, uri, object)?;
     let bytes = read_bounded(ctx, &path, object)?;
-    ctx.count_file(&bytes);
+    ctx.count_file(&path, &bytes);
     Ok(bytes)
 }
 
@@ -36,6 +36,11 @@ pub(super) fn read_bounded(ctx: &Context<'_>, path: &Path, object: &str) -> Resu
     Ok(bytes)
 }
 
+/// Whether `uri` carries its data itself.
+pub(super) fn is_data(uri: &str) -> bool {
+    strip_scheme(uri, "data").is_some()
+}
+
 /// The text after `scheme:`, whatever the scheme's case.
 fn strip_scheme<'u>(uri: &'u str, scheme: &str) -> Option<&'u str> {
     let (head, rest) = uri.split_once(':')?;
@@ -53,8 +58,8 @@ fn scheme(uri: &str) -> Option<&str> {
     .then_some(head)
 }
 
-/// The file that `uri` names.
-fn resolve(ctx: &Context<'_>, uri: &str, object: &str) -> Result<PathBuf> {
+/// The file that `uri` names, and its name as the scene writes it.
+pub(super) fn resolve(ctx: &Context<'_>, uri: &str, object: &str) -> Result<(PathBuf, String)> {
     let refuse = |why: &str| ctx.error(object, format!("the reference \"{}\" {why}", shortened(uri)));
     if let Some(scheme) = scheme(uri) {
         return Err(refuse(&format!("uses the scheme {scheme}:, but only data: and files beside the scene are read")));
@@ -62,7 +67,7 @@ fn resolve(ctx: &Context<'_>, uri: &str, object: &str) -> Result<PathBuf> {
     if uri.starts_with("//") {
         return Err(refuse("names a network host, but only files beside the scene are read"));
     }
-    let decoded =
+    let mut decoded =
         percent_decode_str(uri).decode_utf8().map_err(|_| refuse("is not UTF-8 once percent-decoded"))?.into_owned();
     if decoded.is_empty() || decoded.contains('\0') {
         return Err(refuse("is no file name"));
@@ -78,7 +83,8 @@ fn resolve(ctx: &Context<'_>, uri: &str, object: &str) -> Result<PathBuf> {
     let folder = folder_of(&ctx.path);
     let mut path = folder.join(&decoded);
     if !path.exists() && decoded.contains('\\') {
-        path = folder.join(decoded.replace('\\', "/"));
+        decoded = decoded.replace('\\', "/");
+        path = folder.join(&decoded);
     }
     let real = path.canonicalize().map_err(|e| Error::io(&path, "read", e))?;
     if !ctx.options.allow_outside {
@@ -87,7 +93,22 @@ fn resolve(ctx: &Context<'_>, uri: &str, object: &str) -> Result<PathBuf> {
             return Err(refuse("leads out of the scene's folder by a link"));
         }
     }
-    Ok(real)
+    Ok((real, without_detours(&decoded)))
+}
+
+/// A relative path without `.` and without `..` after a folder.
+fn without_detours(path: &str) -> String {
+    let mut parts: Vec<&str> = Vec::new();
+    for part in path.split('/') {
+        match (part, parts.last()) {
+            ("" | ".", Some(_)) | (".", None) => {}
+            ("..", Some(last)) if !matches!(*last, "" | "..") => {
+                parts.pop();
+            }
+            _ => parts.push(part),
+        }
+    }
+    parts.join("/")
 }
 
 /// Whether a relative path ever climbs above where it starts; `/` and `\` both separate.
@@ -106,7 +127,7 @@ fn leaves_folder(path: &str) -> bool {
     false
 }
 
-fn folder_of(path: &Path) -> PathBuf {
+pub(super) fn folder_of(path: &Path) -> PathBuf {
     match path.parent() {
         Some(parent) if parent.components().next().is_some() => parent.to_path_buf(),
         _ => Component::CurDir.as_os_str().into(),
@@ -192,6 +213,13 @@ mod tests {
         ] {
             let message = refusal(uri);
             assert!(message.contains(why), "{uri}: {message}");
+        }
+    }
+
+    #[test]
+    fn names_take_the_short_way() {
+        for (long, short) in [("a/./b//c.bin", "a/b/c.bin"), ("./a/../b", "b"), ("../x", "../x"), ("/a/../b", "/b")] {
+            assert_eq!(without_detours(long), short);
         }
     }
 
