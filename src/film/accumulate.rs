@@ -1,9 +1,6 @@
-//! Sums of one pixel's runs, in an order that does not depend on how the work was divided.
-//!
-//! Runs are summed pairwise: the sum over an aligned block of 2ᵏ runs is that of its two halves, so it is one number
-//! whoever computed it, and any ranges of runs merge to exactly what a single pass gives. Rounding grows with log₂ of
-//! the runs instead of their number (Higham 2002, §4.2).
+//! Sums of one pixel's runs, in an order that does not depend on how the work was divided ([`AlignedSums`]).
 
+use super::aligned::{AlignedSums, Block, Join};
 use glam::{DVec3, Vec3};
 
 /// A pixel's estimate.
@@ -22,37 +19,40 @@ pub struct PixelEstimate {
 
 /// Plain sums over some runs.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Part {
-    runs: u32,
+pub(super) struct Part {
+    pub(super) runs: u32,
     /// Σ w.
-    weight: f64,
+    pub(super) weight: f64,
     /// Σ L.
-    plain: DVec3,
+    pub(super) plain: DVec3,
     /// Σ w L.
-    weighted: DVec3,
+    pub(super) weighted: DVec3,
 }
 
 /// Centred second moments over some runs (Chan, Golub and LeVeque 1979).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Moments {
+pub(super) struct Moments {
     /// Σ (w L − mean)².
-    weighted: DVec3,
+    pub(super) weighted: DVec3,
     /// Σ (w L − mean)(w − mean).
-    cross: DVec3,
+    pub(super) cross: DVec3,
     /// Σ (w − mean)².
-    weight: f64,
+    pub(super) weight: f64,
 }
 
-/// Sums over the aligned block of 2^level runs from `start`.
+/// Below this many runs variance comes from [`Moments`], from here on from the parts of [`Sums::parts`].
+pub(super) const ENOUGH: u32 = 16;
+
+/// What is summed over an aligned block of runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Block {
-    start: u64,
-    level: u32,
-    rejected: u32,
-    total: Part,
-    moments: Moments,
-    halves: [Part; 2],
-    quarters: [Part; 4],
+pub(super) struct Sums {
+    pub(super) rejected: u32,
+    pub(super) total: Part,
+    pub(super) moments: Moments,
+    pub(super) halves: [Part; 2],
+    pub(super) quarters: [Part; 4],
+    /// How many parts of equal size it can be told apart into: 1, 2 or 4.
+    pub(super) known: u8,
 }
 
 /// Adds the runs of one pixel.
@@ -63,8 +63,7 @@ struct Block {
 /// falls faster than its standard error.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PixelAccumulator {
-    /// Maximal aligned blocks, ascending, disjoint.
-    blocks: Vec<Block>,
+    pub(super) sums: AlignedSums<Sums>,
     next: u64,
 }
 
@@ -72,40 +71,27 @@ impl PixelAccumulator {
     /// An empty sum whose first run will be `first_run`.
     #[must_use]
     pub fn new(first_run: u32) -> Self {
-        Self { blocks: Vec::new(), next: u64::from(first_run) }
+        Self { sums: AlignedSums::default(), next: u64::from(first_run) }
     }
 
     /// Empties it for another pixel, keeping its memory.
     pub fn reset(&mut self, first_run: u32) {
-        self.blocks.clear();
+        self.sums.clear();
         self.next = u64::from(first_run);
     }
 
     /// Adds the next run. One whose radiance is not finite is counted as rejected and left out.
     #[inline]
     pub fn add(&mut self, radiance: Vec3, filter_weight: f32) {
-        let mut block = Block::empty(self.next, 0);
+        let mut sums = Sums::EMPTY;
         if radiance.is_finite() {
             let (weight, plain) = (f64::from(filter_weight), radiance.as_dvec3());
-            block.total = Part { runs: 1, weight, plain, weighted: weight * plain };
+            sums.total = Part { runs: 1, weight, plain, weighted: weight * plain };
         } else {
-            block.rejected = 1;
+            sums.rejected = 1;
         }
+        self.sums.push(Block { start: self.next, level: 0, sums });
         self.next += 1;
-        self.push(block);
-    }
-
-    /// Appends a block that starts after all others, and joins whatever it completes.
-    #[inline]
-    fn push(&mut self, mut block: Block) {
-        while let Some(last) = self.blocks.last() {
-            if !last.is_sibling_before(&block) {
-                break;
-            }
-            block = last.join(&block);
-            self.blocks.pop();
-        }
-        self.blocks.push(block);
     }
 
     /// Adds the runs of `other`, which must be other runs of the same pixel. The result does not depend on the order in
@@ -114,20 +100,7 @@ impl PixelAccumulator {
     /// # Errors
     /// If a run is in both.
     pub fn merge(&mut self, other: &Self) -> crate::Result<()> {
-        let mut all: Vec<Block> = self.blocks.iter().chain(&other.blocks).copied().collect();
-        all.sort_by_key(|block| block.start);
-        for pair in all.windows(2) {
-            if pair[0].end() > pair[1].start {
-                return Err(crate::Error::invalid(
-                    "merge",
-                    format!("run {} of a pixel is in both parts, expected each run once", pair[1].start),
-                ));
-            }
-        }
-        self.blocks.clear();
-        for block in all {
-            self.push(block);
-        }
+        self.sums.merge(&other.sums)?;
         self.next = self.next.max(other.next);
         Ok(())
     }
@@ -135,7 +108,7 @@ impl PixelAccumulator {
     /// Runs added so far, rejected ones included.
     #[must_use]
     pub fn runs(&self) -> u64 {
-        self.blocks.iter().map(|block| block.end() - block.start).sum()
+        self.sums.runs()
     }
 
     /// The pixel as estimated from the runs so far; black with no runs.
@@ -145,10 +118,7 @@ impl PixelAccumulator {
     /// stratified designs.
     #[must_use]
     pub fn estimate(&self) -> PixelEstimate {
-        // From the smallest block up: the order is that of run numbers reversed, fixed by the runs alone.
-        let Some(whole) = self.blocks.iter().rev().copied().reduce(|later, earlier| earlier.join(&later)) else {
-            return PixelEstimate::default();
-        };
+        let Some(whole) = self.sums.whole() else { return PixelEstimate::default() };
         let (total, rejected) = (whole.total, whole.rejected);
         if total.runs == 0 {
             return PixelEstimate { variance: Vec3::INFINITY, rejected, ..PixelEstimate::default() };
@@ -156,8 +126,8 @@ impl PixelAccumulator {
         let runs = f64::from(total.runs);
         let mean = total.plain / runs;
         // A block of fewer than four runs has quarters of unequal numbers of runs, some of them none.
-        let parts = || self.blocks.iter().flat_map(|block| block.parts()).filter(|part| part.runs > 0);
-        let squares = if total.runs < 16 {
+        let parts = || self.sums.blocks().iter().flat_map(|block| block.sums.parts()).filter(|part| part.runs > 0);
+        let squares = if total.runs < ENOUGH {
             let m = whole.moments;
             m.weighted - 2.0 * mean * m.cross + mean * mean * m.weight
         } else {
@@ -168,7 +138,7 @@ impl PixelAccumulator {
                 sum + n * deviation * deviation
             })
         };
-        let freedom = if total.runs < 16 { runs - 1.0 } else { f64::from(parts().map(|_| 1_u32).sum::<u32>() - 1) };
+        let freedom = if total.runs < ENOUGH { runs - 1.0 } else { f64::from(parts().map(|_| 1_u32).sum::<u32>() - 1) };
         let variance =
             if freedom > 0.0 { (squares.max(DVec3::ZERO) / (freedom * runs)).as_vec3() } else { Vec3::INFINITY };
         PixelEstimate { radiance: total.estimate().as_vec3(), variance, runs: total.runs, rejected }
@@ -176,7 +146,7 @@ impl PixelAccumulator {
 }
 
 impl Part {
-    fn plus(&self, other: &Self) -> Self {
+    pub(super) fn plus(&self, other: &Self) -> Self {
         Self {
             runs: self.runs + other.runs,
             weight: self.weight + other.weight,
@@ -197,41 +167,30 @@ impl Part {
     }
 }
 
-impl Block {
-    fn empty(start: u64, level: u32) -> Self {
-        let none = Part::default();
-        Self {
-            start,
-            level,
-            rejected: 0,
-            total: none,
-            moments: Moments::default(),
-            halves: [none; 2],
-            quarters: [none; 4],
-        }
-    }
+impl Sums {
+    const NONE: Part = Part { runs: 0, weight: 0.0, plain: DVec3::ZERO, weighted: DVec3::ZERO };
 
-    fn end(&self) -> u64 {
-        self.start + (1 << self.level)
-    }
+    /// Over no runs.
+    pub(super) const EMPTY: Self = Self {
+        rejected: 0,
+        total: Self::NONE,
+        moments: Moments { weighted: DVec3::ZERO, cross: DVec3::ZERO, weight: 0.0 },
+        halves: [Self::NONE; 2],
+        quarters: [Self::NONE; 4],
+        known: 1,
+    };
 
-    /// Whether `next` is the other half of the aligned block that this one begins.
-    #[inline]
-    fn is_sibling_before(&self, next: &Self) -> bool {
-        self.level == next.level && next.start == self.end() && self.start.trailing_zeros() > self.level
-    }
-
-    /// Sums of four parts of equal size, or of the single runs of a smaller block.
-    fn parts(&self) -> [Part; 4] {
-        let none = Part::default();
-        match self.level {
-            0 => [self.total, none, none, none],
-            1 => [self.halves[0], self.halves[1], none, none],
+    /// Sums of as many parts of equal size as are known, at most four.
+    pub(super) fn parts(&self) -> [Part; 4] {
+        match self.known {
+            1 => [self.total, Self::NONE, Self::NONE, Self::NONE],
+            2 => [self.halves[0], self.halves[1], Self::NONE, Self::NONE],
             _ => self.quarters,
         }
     }
+}
 
-    /// Sums over both; for siblings the block that they form.
+impl Join for Sums {
     #[inline]
     fn join(&self, next: &Self) -> Self {
         let (a, b) = (&self.total, &next.total);
@@ -250,13 +209,12 @@ impl Block {
             moments.weight += weight * weight * scale;
         }
         Self {
-            start: self.start,
-            level: self.level + 1,
             rejected: self.rejected + next.rejected,
             total: a.plus(b),
             moments,
             halves: [self.total, next.total],
             quarters: [self.halves[0], self.halves[1], next.halves[0], next.halves[1]],
+            known: (2 * self.known.min(next.known)).min(4),
         }
     }
 }
@@ -295,7 +253,7 @@ mod tests {
             for part in &parts {
                 merged.merge(part).unwrap();
             }
-            prop_assert_eq!(&merged.blocks, &whole.blocks);
+            prop_assert_eq!(&merged.sums, &whole.sums);
             prop_assert_eq!(merged.estimate(), whole.estimate());
         }
 

@@ -5,15 +5,21 @@
 //! independent of one another: a crop is the same pixels of the full frame bit for bit, however the work was divided.
 
 mod accumulate;
+mod aligned;
+pub mod blocks;
 mod estimates;
 mod filter;
 mod footprint;
 mod kernel;
+mod packed;
 mod shutter;
 
 pub use accumulate::{PixelAccumulator, PixelEstimate};
+pub use aligned::{AlignedSums, Block, Join, aligned_blocks};
+pub use blocks::Blocks;
 pub use estimates::{Film, Window};
 pub use filter::Filter;
 pub use footprint::{Footprint, Lines, Scan};
 pub use kernel::{FilterSpec, Kernel};
+pub use packed::Layout;
 pub use shutter::{MOST_KNOTS, ShutterCurve};
