@@ -220,9 +220,10 @@ fn main() {
     let only = value("only").unwrap_or_default();
     let folder = tempfile::tempdir().unwrap();
     type Maker = fn() -> Case;
-    let cases: [(&str, &str, Maker); 8] = [
+    let cases: [(&str, &str, Maker); 9] = [
         ("static", "", || scenes::one_mesh("still", 1)),
         ("hall", "", || scenes::hall("hall, still")),
+        ("tilted", "", || scenes::tilted("hall, askew")),
         ("meadow", "", || scenes::meadow("meadow, still")),
         ("deforming", "", || scenes::one_mesh("deforming, Embree's default", 2)),
         ("deforming4vmb", "tri_accel_mb=bvh8.triangle4vmb", || scenes::one_mesh("deforming, bvh8.triangle4vmb", 2)),

@@ -237,6 +237,15 @@ pub fn instanced(name: &'static str, keys: usize) -> Case {
     Case { name, shapes, placed, turns: keys > 2, eye: EYE, target: TARGET }
 }
 
+/// The hall as a building that stands askew to all axes: its large triangles reach through each other's boxes.
+pub fn tilted(name: &'static str) -> Case {
+    let mut case = hall(name);
+    let turn = Quat::from_euler(glam::EulerRot::YXZ, 0.6, 0.5, 0.4);
+    case.shapes[0].keys[0].iter_mut().for_each(|p| *p = turn * *p);
+    (case.eye, case.target) = (turn * case.eye, turn * case.target);
+    case
+}
+
 /// A hall of pillars seen from inside: long thin triangles, axis-aligned and turned, next to 20 detailed statues.
 pub fn hall(name: &'static str) -> Case {
     let mut all = Shape { triangles: Vec::new(), keys: vec![Vec::new()] };

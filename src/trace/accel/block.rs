@@ -147,7 +147,7 @@ pub(super) struct LaneHits {
 pub(super) fn test(corners: &Corners, ray: &RayFrame, limit: f32) -> LaneHits {
     let [kx, ky, kz] = ray.k;
     let [sx, sy, sz] = ray.shear.map(Vec4::splat);
-    let (ox, oy, oz) = (Vec4::splat(ray.origin[kx]), Vec4::splat(ray.origin[ky]), Vec4::splat(ray.origin[kz]));
+    let [ox, oy, oz] = ray.start.map(Vec4::splat);
     let sheared = |corner: &[Vec4; 3]| {
         let z = corner[kz] - oz;
         (corner[kx] - ox - sx * z, corner[ky] - oy - sy * z, z)

@@ -2,7 +2,7 @@
 
 use super::block::{StoredTriangle, tag};
 use super::collapse::{self, LeafRule, Shape};
-use super::linear::Aabb;
+use super::linear::{Aabb, LinearBox};
 use super::sweep::ShapeMotion;
 use super::topology::{self, Reference};
 use super::tree::{MovingTree, StillTree};
@@ -110,19 +110,33 @@ pub(super) fn tags(scene: &Scene, mesh: &Mesh, mirrored: bool) -> u32 {
     tags
 }
 
-/// The tree's shape over triangles given by index at mid-exposure.
-pub(super) fn shape_of(ids: &[u32], corners: impl Fn(u32) -> StoredTriangle + Sync, rule: LeafRule) -> Shape {
-    let mut references: Vec<Reference> = ids
-        .par_iter()
-        .with_min_len(4096)
-        .map(|&id| {
-            let t = corners(id);
-            let (a, b) = (Aabb::around(t.begin), Aabb::around(t.end));
-            Reference::new((a.lo + b.lo) * 0.5, (a.hi + b.hi) * 0.5, id)
-        })
-        .collect();
-    let tree = topology::build(&mut references);
-    collapse::collapse(&tree, &references, rule)
+/// The tree's shape over triangles that stand still, given by index; large ones may be cut.
+pub(super) fn still_shape(ids: &[u32], corners: impl Fn(u32) -> [Vec3A; 3] + Sync) -> Shape {
+    let reference = |&id: &u32| {
+        let [a, b, c] = corners(id);
+        Reference::new(a.min(b).min(c), a.max(b).max(c), id, area(a, b, c))
+    };
+    let mut references: Vec<Reference> = ids.par_iter().with_min_len(4096).map(reference).collect();
+    let tree = topology::build(&mut references, Some(&corners));
+    collapse::collapse(&tree, &references, TRIANGLE_LEAF)
+}
+
+/// The tree's shape over triangles given by index, as they are at mid-exposure.
+fn moving_shape(ids: &[u32], triangle: impl Fn(u32) -> StoredTriangle + Sync) -> Shape {
+    let reference = |&id: &u32| {
+        let t = triangle(id);
+        let (begin, end) = (Aabb::around(t.begin), Aabb::around(t.end));
+        let middle = LinearBox { begin, end }.middle();
+        let [a, b, c] = [0, 1, 2].map(|i| t.begin[i] * 0.5 + t.end[i] * 0.5);
+        Reference::new(middle.lo, middle.hi, id, area(a, b, c))
+    };
+    let mut references: Vec<Reference> = ids.par_iter().with_min_len(4096).map(reference).collect();
+    let tree = topology::build(&mut references, None);
+    Shape { boxes: Vec::new(), ..collapse::collapse(&tree, &references, TRIANGLE_LEAF) }
+}
+
+fn area(a: Vec3A, b: Vec3A, c: Vec3A) -> f32 {
+    (b - a).cross(c - a).length() * 0.5
 }
 
 #[allow(clippy::cast_possible_truncation, reason = "triangle counts are checked against 2^29 before building")]
@@ -146,7 +160,7 @@ impl Body {
         if vertices.keys.len() == 1 {
             let key = &vertices.keys[0];
             let ids = triangle_ids(triangles, |t| vertices.has_area(t));
-            let shape = shape_of(&ids, |id| stored(key, key, id), TRIANGLE_LEAF);
+            let shape = still_shape(&ids, |id| stored(key, key, id).begin);
             let tree = StillTree::fill(&shape, |id| stored(key, key, id));
             return Self { form: Form::Still(tree), motion, triangles: ids.len() };
         }
@@ -166,7 +180,7 @@ impl Body {
         let ids = triangle_ids(triangles, |t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0]);
         let middle = (vertices.keys.len() - 1) / 2;
         let (a, b) = (&vertices.keys[middle], &vertices.keys[middle + 1]);
-        let shape = shape_of(&ids, |id| stored(a, b, id), TRIANGLE_LEAF);
+        let shape = moving_shape(&ids, |id| stored(a, b, id));
         let segments = fill(&shape);
         let built_cost = relative_cost(&segments);
         let form = Form::Moving(Deforming { times: vertices.times.clone(), segments, shape, built_cost });

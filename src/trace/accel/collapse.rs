@@ -1,6 +1,8 @@
 //! From the binary tree to one of eight children a node, by dynamic programming over the surface-area cost
 //! (Ylitie, Karras and Laine 2017, §3; Wald, Benthin and Boulos 2008).
 
+use super::linear::Aabb;
+use super::occlusion::Occlusion;
 use super::topology::{Node2, Reference};
 
 /// Children of a wide node.
@@ -15,7 +17,7 @@ pub(super) const NO_CHILD: u32 = u32::MAX;
 pub(super) const NO_TRIANGLE: u32 = u32::MAX;
 
 /// Cost of visiting a node of eight boxes; the unit.
-const NODE_COST: f32 = 1.0;
+pub(super) const NODE_COST: f32 = 1.0;
 
 /// What a leaf may hold and costs.
 #[derive(Debug, Clone, Copy)]
@@ -31,10 +33,12 @@ pub(super) struct LeafRule {
 pub(super) struct Shape {
     /// The root: a node (0), a leaf, or [`NO_CHILD`] for an empty tree.
     pub(super) root: u32,
-    /// Children of each node.
+    /// Children of each node, in the order in which a ray that asks for any hit visits them.
     pub(super) nodes: Vec<[u32; WIDTH]>,
     /// References of each leaf.
     pub(super) leaves: Vec<[u32; BLOCK]>,
+    /// Box of each leaf, smaller than that of its triangles where they were cut; empty for what moves.
+    pub(super) boxes: Vec<Aabb>,
     /// Most entries that a traversal's stack can hold.
     pub(super) stack: usize,
 }
@@ -51,7 +55,7 @@ struct Choice {
 
 /// Collapses `tree` (not empty unless `references` is).
 pub(super) fn collapse(tree: &[Node2], references: &[Reference], rule: LeafRule) -> Shape {
-    let mut shape = Shape { root: NO_CHILD, nodes: Vec::new(), leaves: Vec::new(), stack: 0 };
+    let mut shape = Shape { root: NO_CHILD, nodes: Vec::new(), leaves: Vec::new(), boxes: Vec::new(), stack: 0 };
     if tree.is_empty() {
         return shape;
     }
@@ -59,18 +63,23 @@ pub(super) fn collapse(tree: &[Node2], references: &[Reference], rule: LeafRule)
     choose(tree, &mut choices, rule);
     shape.nodes.reserve(references.len() / 8);
     shape.leaves.reserve(references.len() / 2);
+    let mut occlusion = Occlusion::default();
     let mut pending = vec![(0_u32, None::<(usize, usize)>)];
     while let Some((at, parent)) = pending.pop() {
         let node = &tree[at as usize];
         let id = if choices[at as usize].left[1] == 1 {
             let mut leaf = [NO_TRIANGLE; BLOCK];
-            for (slot, r) in leaf.iter_mut().zip(&references[node.first as usize..][..node.count as usize]) {
+            let members = &references[node.first as usize..][..node.count as usize];
+            for (slot, r) in leaf.iter_mut().zip(members) {
                 *slot = r.id();
             }
             shape.leaves.push(leaf);
+            shape.boxes.push(Aabb { lo: node.lo, hi: node.hi });
+            occlusion.leaf(node.half_area(), members.iter().map(Reference::area), rule.cost);
             LEAF | index(shape.leaves.len() - 1)
         } else {
             shape.nodes.push([NO_CHILD; WIDTH]);
+            occlusion.node(node.half_area());
             let mut children = Children { found: [0; WIDTH], count: 0 };
             let share = choices[at as usize].left[0];
             children.gather(tree, &choices, at + 1, share);
@@ -85,6 +94,7 @@ pub(super) fn collapse(tree: &[Node2], references: &[Reference], rule: LeafRule)
             None => shape.root = id,
         }
     }
+    occlusion.order(&mut shape.nodes);
     shape.stack = stack_need(&shape.nodes);
     shape
 }

@@ -28,6 +28,8 @@ pub(super) struct RayFrame {
     pub(super) direction: Vec3A,
     /// Axes in the order x', y', z' of the sheared space; winding is kept.
     pub(super) k: [usize; 3],
+    /// The origin along x', y', z'.
+    pub(super) start: [f32; 3],
     /// Shear of x', of y', and scale of z'.
     pub(super) shear: [f32; 3],
     /// Origin moved outward for the planes of entry, by axis.
@@ -38,10 +40,8 @@ pub(super) struct RayFrame {
     pub(super) near_inverse: [f32; 3],
     /// The same, a little larger.
     pub(super) far_inverse: [f32; 3],
-    /// Which plane of a node is entered first, by axis: 0 to 2 lower, 3 to 5 upper.
-    pub(super) near_plane: [usize; 3],
-    /// Which is left last.
-    pub(super) far_plane: [usize; 3],
+    /// Bit of each axis: set where the upper plane of a box is entered first.
+    backward: usize,
 }
 
 impl RayFrame {
@@ -67,20 +67,25 @@ impl RayFrame {
         // Not of the direction: -0.0 is not less than zero, but its reciprocal is.
         let backward = inverse.cmplt(Vec3A::ZERO);
         let toward = Vec3A::select(backward, -pad, pad);
-        let sign = backward.bitmask() as usize;
-        let near_plane = [3 * (sign & 1), 1 + 3 * (sign >> 1 & 1), 2 + 3 * (sign >> 2 & 1)];
         Self {
             origin,
             direction,
             k: [x, y, z],
+            start: [origin[x], origin[y], origin[z]],
             shear: [direction[x] * inverse_z, direction[y] * inverse_z, inverse_z],
             near_origin: (origin + toward).to_array(),
             far_origin: (origin - toward).to_array(),
             near_inverse: inverse.to_array(),
             far_inverse: (inverse * (1.0 + 10.0 * UNIT_ROUNDOFF)).to_array(),
-            near_plane,
-            far_plane: near_plane.map(|p| (p + 3) % 6),
+            backward: backward.bitmask() as usize,
         }
+    }
+
+    /// Which plane of `axis` is entered first and which is left last: 0 the lower, 1 the upper.
+    #[inline(always)]
+    pub(super) fn sides(&self, axis: usize) -> (usize, usize) {
+        let near = self.backward >> axis & 1;
+        (near, near ^ 1)
     }
 
     /// Where the box spanned by `lo` and `hi` is entered, by the same operations as the boxes of nodes: rounding is
@@ -89,7 +94,7 @@ impl RayFrame {
     pub(super) fn entry(&self, lo: Vec3A, hi: Vec3A) -> f32 {
         let mut near = 0.0_f32;
         for axis in [2, 1, 0] {
-            let plane = if self.near_plane[axis] < 3 { lo[axis] } else { hi[axis] };
+            let plane = if self.sides(axis).0 == 0 { lo[axis] } else { hi[axis] };
             let t = (plane - self.near_origin[axis]) * self.near_inverse[axis];
             if t > near {
                 near = t;

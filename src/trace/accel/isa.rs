@@ -50,12 +50,16 @@ impl Isa for Portable {
 
     #[inline(always)]
     fn open_still(node: &StillNode, ray: &RayFrame, limit: f32) -> Opened {
-        slabs(|i| node.bounds[i].0, ray, limit)
+        slabs(|axis, side| node.bounds[axis][side].0, ray, limit)
     }
 
     #[inline(always)]
     fn open_moving(node: &MovingNode, ray: &RayFrame, time: f32, limit: f32) -> Opened {
-        slabs(|i| std::array::from_fn(|c| node.bounds[i].0[c] + time * node.deltas[i].0[c]), ray, limit)
+        let plane = |axis: usize, side: usize| {
+            let (bounds, deltas) = (&node.bounds[axis][side].0, &node.deltas[axis][side].0);
+            std::array::from_fn(|c| bounds[c] + time * deltas[c])
+        };
+        slabs(plane, ray, limit)
     }
 
     fn walk_still<const ANY: bool>(
@@ -96,11 +100,12 @@ fn lesser(a: f32, b: f32) -> f32 {
 /// The slab test (Kay and Kajiya 1986), made conservative as [`RayFrame`] says. A ray in a slab's plane gives 0 · ∞,
 /// which never decides: the comparison falls to the value found so far.
 #[inline(always)]
-fn slabs(plane: impl Fn(usize) -> [f32; 8], ray: &RayFrame, limit: f32) -> Opened {
+fn slabs(plane: impl Fn(usize, usize) -> [f32; 8], ray: &RayFrame, limit: f32) -> Opened {
     let mut near = [0.0_f32; 8];
     let mut far = [limit; 8];
     for axis in [2, 1, 0] {
-        let (entry, exit) = (plane(ray.near_plane[axis]), plane(ray.far_plane[axis]));
+        let (near_side, far_side) = ray.sides(axis);
+        let (entry, exit) = (plane(axis, near_side), plane(axis, far_side));
         let (near_origin, far_origin) = (ray.near_origin[axis], ray.far_origin[axis]);
         let (near_inverse, far_inverse) = (ray.near_inverse[axis], ray.far_inverse[axis]);
         for c in 0..8 {
@@ -159,8 +164,9 @@ mod avx2 {
     fn open_still(node: &StillNode, ray: &RayFrame, limit: f32) -> Opened {
         let (mut near, mut far) = (_mm256_setzero_ps(), _mm256_set1_ps(limit));
         for axis in [2, 1, 0] {
-            let entry = load(&node.bounds[ray.near_plane[axis]]);
-            let exit = load(&node.bounds[ray.far_plane[axis]]);
+            let (near_side, far_side) = ray.sides(axis);
+            let entry = load(&node.bounds[axis][near_side]);
+            let exit = load(&node.bounds[axis][far_side]);
             near = _mm256_max_ps(distance(entry, ray.near_origin[axis], ray.near_inverse[axis]), near);
             far = _mm256_min_ps(distance(exit, ray.far_origin[axis], ray.far_inverse[axis]), far);
         }
@@ -173,9 +179,10 @@ mod avx2 {
         let (mut near, mut far) = (_mm256_setzero_ps(), _mm256_set1_ps(limit));
         let time = _mm256_set1_ps(time);
         for axis in [2, 1, 0] {
-            let (n, f) = (ray.near_plane[axis], ray.far_plane[axis]);
-            let entry = _mm256_add_ps(load(&node.bounds[n]), _mm256_mul_ps(time, load(&node.deltas[n])));
-            let exit = _mm256_add_ps(load(&node.bounds[f]), _mm256_mul_ps(time, load(&node.deltas[f])));
+            let (near_side, far_side) = ray.sides(axis);
+            let (bounds, deltas) = (&node.bounds[axis], &node.deltas[axis]);
+            let at = |side: usize| _mm256_add_ps(load(&bounds[side]), _mm256_mul_ps(time, load(&deltas[side])));
+            let (entry, exit) = (at(near_side), at(far_side));
             near = _mm256_max_ps(distance(entry, ray.near_origin[axis], ray.near_inverse[axis]), near);
             far = _mm256_min_ps(distance(exit, ray.far_origin[axis], ray.far_inverse[axis]), far);
         }

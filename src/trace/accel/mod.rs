@@ -17,7 +17,9 @@ mod isa;
 mod linear;
 mod memory;
 mod node;
+mod occlusion;
 mod resolve;
+mod spatial;
 mod sweep;
 #[cfg(test)]
 mod tests;
@@ -35,6 +37,7 @@ use crate::trace::{Backs, Hit, Ray};
 use body::{Body, Form, Vertices};
 use glam::Affine3A;
 use rayon::prelude::*;
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -130,8 +133,11 @@ fn search_avx2<const ANY: bool>(all: &Structures<'_>, ray: &Ray, query: &mut Que
     top::search::<isa::Avx2, ANY>(all, ray, query, stack)
 }
 
-/// Entries of a stack that is kept on the machine's own; deeper trees (none was seen) get one on the heap.
-const SMALL_STACK: usize = 128;
+thread_local! {
+    /// What the walks of one thread leave waiting; it grows to what the deepest structure needs. (An array on the
+    /// machine's own stack would have to be cleared for each ray.)
+    static WAITING: RefCell<Vec<u64>> = const { RefCell::new(Vec::new()) };
+}
 
 impl Accel {
     /// Builds the structures for `stage`. What `previous` (of the same scene) already holds is shared: structures of
@@ -234,11 +240,12 @@ impl Accel {
     }
 
     fn run<const ANY: bool>(&self, ray: &Ray, accept: &dyn Fn(&Found) -> bool) -> (bool, Option<Found>) {
-        if self.stack <= SMALL_STACK {
-            self.run_on::<ANY>(ray, accept, &mut [0; SMALL_STACK])
-        } else {
-            self.run_on::<ANY>(ray, accept, &mut vec![0; self.stack])
-        }
+        WAITING.with_borrow_mut(|stack| {
+            if stack.len() < self.stack {
+                stack.resize(self.stack, 0);
+            }
+            self.run_on::<ANY>(ray, accept, stack)
+        })
     }
 
     #[allow(unsafe_code, reason = "the only way to call code compiled for a processor feature found at run time")]

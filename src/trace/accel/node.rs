@@ -11,11 +11,15 @@ use glam::Vec3A;
 #[repr(C, align(32))]
 pub(super) struct Planes(pub(super) [f32; WIDTH]);
 
-/// Eight boxes that do not move: lower x, y, z, then upper x, y, z. Four lines of the cache.
+/// Planes of eight boxes: of each axis the lower and the upper. The second index is a side, masked to one bit, which
+/// needs no check.
+pub(super) type Sides = [[Planes; 2]; 3];
+
+/// Eight boxes that do not move. Four lines of the cache.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(super) struct StillNode {
-    pub(super) bounds: [Planes; 6],
+    pub(super) bounds: Sides,
     children: [u32; WIDTH],
 }
 
@@ -23,8 +27,8 @@ pub(super) struct StillNode {
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(super) struct MovingNode {
-    pub(super) bounds: [Planes; 6],
-    pub(super) deltas: [Planes; 6],
+    pub(super) bounds: Sides,
+    pub(super) deltas: Sides,
     children: [u32; WIDTH],
 }
 
@@ -52,17 +56,19 @@ pub(super) trait WideNode: Sync + Send + Sized {
 impl StillNode {
     /// The box of child `child`.
     pub(super) fn child_box(&self, child: usize) -> Aabb {
-        let at = |plane: usize| self.bounds[plane].0[child];
-        Aabb { lo: Vec3A::new(at(0), at(1), at(2)), hi: Vec3A::new(at(3), at(4), at(5)) }
+        let at = |side: usize| Vec3A::from_array([0, 1, 2].map(|axis| self.bounds[axis][side].0[child]));
+        Aabb { lo: at(0), hi: at(1) }
     }
 }
 
-fn planes(boxes: &[LinearBox; WIDTH], at_end: bool) -> [Planes; 6] {
-    std::array::from_fn(|plane| {
-        Planes(std::array::from_fn(|child| {
-            let bounds = if at_end { &boxes[child].end } else { &boxes[child].begin };
-            if plane < 3 { bounds.lo[plane] } else { bounds.hi[plane - 3] }
-        }))
+fn planes(boxes: &[LinearBox; WIDTH], at_end: bool) -> Sides {
+    std::array::from_fn(|axis| {
+        std::array::from_fn(|side| {
+            Planes(std::array::from_fn(|child| {
+                let bounds = if at_end { &boxes[child].end } else { &boxes[child].begin };
+                if side == 0 { bounds.lo[axis] } else { bounds.hi[axis] }
+            }))
+        })
     })
 }
 
@@ -87,12 +93,14 @@ impl WideNode for MovingNode {
     fn new(boxes: &[LinearBox; WIDTH], children: [u32; WIDTH]) -> Self {
         let bounds = planes(boxes, false);
         let ends = planes(boxes, true);
-        let deltas = std::array::from_fn(|plane| {
-            Planes(std::array::from_fn(|child| {
-                let delta = ends[plane].0[child] - bounds[plane].0[child];
-                // Empty boxes: ∞ − ∞.
-                if delta.is_nan() { 0.0 } else { delta }
-            }))
+        let deltas = std::array::from_fn(|axis| {
+            std::array::from_fn(|side| {
+                Planes(std::array::from_fn(|child| {
+                    let delta: f32 = ends[axis][side].0[child] - bounds[axis][side].0[child];
+                    // Empty boxes: ∞ − ∞.
+                    if delta.is_nan() { 0.0 } else { delta }
+                }))
+            })
         });
         Self { bounds, deltas, children }
     }

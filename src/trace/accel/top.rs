@@ -4,7 +4,7 @@ use super::body::{Body, Form};
 use super::collapse::{self, BLOCK, LeafRule, NO_TRIANGLE, Shape};
 use super::frame::RayFrame;
 use super::isa::Isa;
-use super::linear::LinearBox;
+use super::linear::{Aabb, LinearBox};
 use super::node::{MovingNode, StillNode, WideNode};
 use super::sweep::swept;
 use super::topology::{self, Reference};
@@ -170,9 +170,13 @@ impl<N: WideNode> TopTree<N> {
         let mut references: Vec<Reference> = boxes
             .iter()
             .enumerate()
-            .map(|(i, (_, b))| Reference::new(b.middle().lo, b.middle().hi, index(i)))
+            .map(|(i, (_, b))| {
+                let Aabb { lo, hi } = b.middle();
+                // How much of its box a structure fills is not known: a half, as a ball would.
+                Reference::new(lo, hi, index(i), topology::half_area(lo, hi) * 0.5)
+            })
             .collect();
-        let tree = topology::build(&mut references);
+        let tree = topology::build(&mut references, None);
         let shape: Shape = collapse::collapse(&tree, &references, PLACE_LEAF);
         let of_leaf = |leaf: &[u32; BLOCK]| {
             debug_assert!(leaf[0] != NO_TRIANGLE && leaf[1] == NO_TRIANGLE, "one place to a leaf");
@@ -293,13 +297,13 @@ pub(super) fn search<I: Isa, const ANY: bool>(
         Top::Still(top) => {
             let frame = RayFrame::new(ray.origin, ray.direction, &top.nodes.bounds);
             let places = Places::<I, ANY>::new(all, &top.items, ray);
-            walk::<I, _, _>(&top.nodes, top.nodes.root, &frame, 0.0, &places, query, stack)
+            walk::<I, _, _, ANY>(&top.nodes, top.nodes.root, &frame, 0.0, &places, query, stack)
         }
         Top::Moving(slabs) => {
             let (top, f) = slab_at(slabs, ray.u_time);
             let frame = RayFrame::new(ray.origin, ray.direction, &top.nodes.bounds);
             let places = Places::<I, ANY>::new(all, &top.items, ray);
-            walk::<I, _, _>(&top.nodes, top.nodes.root, &frame, f, &places, query, stack)
+            walk::<I, _, _, ANY>(&top.nodes, top.nodes.root, &frame, f, &places, query, stack)
         }
     }
 }

@@ -110,11 +110,17 @@ impl<N: WideNode, B: Block> Tree<N, B> {
             .leaves
             .par_iter()
             .with_min_len(1024)
-            .map(|leaf| {
+            .enumerate()
+            .map(|(i, leaf)| {
                 let triangles = leaf.map(|id| (id != NO_TRIANGLE).then(|| triangle(id)));
-                let around = triangles.iter().flatten().fold(LinearBox::EMPTY, |all, t| {
-                    all.join(&LinearBox { begin: Aabb::around(t.begin), end: Aabb::around(t.end) })
-                });
+                let around = shape.boxes.get(i).map_or_else(
+                    || {
+                        triangles.iter().flatten().fold(LinearBox::EMPTY, |all, t| {
+                            all.join(&LinearBox { begin: Aabb::around(t.begin), end: Aabb::around(t.end) })
+                        })
+                    },
+                    |&b| LinearBox::still(b),
+                );
                 (B::new(&triangles), around)
             })
             .unzip_into_vecs(&mut blocks, &mut leaves);

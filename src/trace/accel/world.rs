@@ -1,7 +1,7 @@
 //! Everything that never moves, as triangles of the world in one structure.
 
 use super::block::StoredTriangle;
-use super::body::{TRIANGLE_LEAF, shape_of, tags};
+use super::body::{still_shape, tags};
 use super::linear::Aabb;
 use super::tree::StillTree;
 use crate::numeric::UNIT_ROUNDOFF;
@@ -96,7 +96,7 @@ impl World {
             .with_min_len(4096)
             .filter(|&id| has_area(&triangle(id).begin))
             .collect();
-        let shape = shape_of(&ids, triangle, TRIANGLE_LEAF);
+        let shape = still_shape(&ids, |id| triangle(id).begin);
         let tree = StillTree::fill(&shape, triangle);
         let parts = members.iter().map(|(i, g)| PartKey::of(i, g)).collect();
         Some(Self { tree, parts, first, triangles: ids.len() })
