@@ -52,7 +52,7 @@ impl Motion {
 
     /// The transform at `u_time` in [0, 1].
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, u_time: f32) -> Affine3A {
         if self.keys.len() == 1 {
             return self.keys[0];
@@ -64,10 +64,16 @@ impl Motion {
 
 /// The segment of `times` (at least two, ascending) that holds `u_time`, and where in it, in [0, 1].
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn segment_at(times: &[f32], u_time: f32) -> (usize, f32) {
-    let segment =
-        if times.len() == 2 { 0 } else { times.partition_point(|&t| t <= u_time).clamp(1, times.len() - 1) - 1 };
+    /// Up to this many times are counted instead of halved: no branch depends on the ray's time.
+    const FEW: usize = 9;
+    let inner = &times[1..times.len() - 1];
+    let segment = match times.len() {
+        2 => 0,
+        3..=FEW => inner.iter().map(|&t| usize::from(t <= u_time)).sum(),
+        _ => inner.partition_point(|&t| t <= u_time),
+    };
     let (a, b) = (times[segment], times[segment + 1]);
     let f = if b > a { ((u_time - a) / (b - a)).clamp(0.0, 1.0) } else { 1.0 };
     (segment, f)
@@ -75,7 +81,7 @@ pub fn segment_at(times: &[f32], u_time: f32) -> (usize, f32) {
 
 /// Entrywise interpolation: `a` exactly at 0, `b` exactly at 1.
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn lerp(a: &Affine3A, b: &Affine3A, f: f32) -> Affine3A {
     let g = 1.0 - f;
     Affine3A { matrix3: a.matrix3 * g + b.matrix3 * f, translation: a.translation * g + b.translation * f }

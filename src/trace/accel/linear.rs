@@ -23,6 +23,7 @@ impl Aabb {
 
     /// Whether it holds nothing.
     #[must_use]
+    #[inline(always)]
     pub fn is_empty(&self) -> bool {
         !self.lo.cmple(self.hi).all()
     }

@@ -115,7 +115,9 @@ impl Top {
         let slabs = slab_count(places);
         #[allow(clippy::cast_precision_loss, reason = "at most 64")]
         let border = |i: usize| i as f32 / slabs as f32;
-        Self::Moving((0..slabs).map(|i| TopTree::build(&boxes(border(i), border(i + 1)))).collect())
+        use rayon::prelude::*;
+        let slab = |i: usize| TopTree::build(&boxes(border(i), border(i + 1)));
+        Self::Moving((0..slabs).into_par_iter().map(slab).collect())
     }
 
     pub(super) fn stack(&self) -> usize {
