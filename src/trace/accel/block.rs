@@ -178,7 +178,7 @@ const NEAR: f32 = 1.0 / 1024.0;
 ///
 /// t is raised to where the ray enters the triangle's own box, so that no enclosing box can be entered later than t: the
 /// nearest hit does not depend on the tree or on the order of traversal.
-#[inline]
+#[inline(always)]
 pub(super) fn decide(corners: &Corners, hits: &LaneHits, lane: usize, ray: &RayFrame, limit: f32) -> Option<Candidate> {
     let at = |corner: usize| {
         let [x, y, z] = &corners[corner];

@@ -37,6 +37,7 @@ pub(super) struct Query<'a> {
 
 impl Query<'_> {
     /// Considers a hit; whether it became the best.
+    #[inline(always)]
     fn offer(&mut self, candidate: Candidate, id: u32, space: u32) -> bool {
         let skip = if candidate.front { tag::SKIP_FRONT } else { tag::SKIP_BACK };
         if id & skip & self.skips != 0 {
