@@ -12,6 +12,7 @@ mod shot;
 mod shot_args;
 mod study_cost;
 mod study_designs;
+mod study_designs_scene;
 mod study_dither;
 mod study_motion;
 mod study_patterns;

@@ -31,6 +31,24 @@ pub(crate) struct StudyDesignsArgs {
     /// Chooses placements and draws
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
+    /// Measure on a frame of this glTF file instead; what `render` takes may follow after `--`
+    #[arg(long, value_name = "FILE")]
+    pub(crate) scene: Option<PathBuf>,
+    /// With --scene: the frame
+    #[arg(long, value_name = "N", default_value_t = 0, allow_hyphen_values = true, requires = "scene")]
+    pub(crate) frame: i64,
+    /// With --scene: pixels measured, spread over the frame (0: all of them)
+    #[arg(long, value_name = "N", default_value_t = 1024, requires = "scene")]
+    pub(crate) pixels: u32,
+    /// With --scene: independent draws of each design in each pixel
+    #[arg(long, value_name = "N", default_value_t = 8, requires = "scene", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) draws: u32,
+    /// With --scene: runs of each pixel's reference
+    #[arg(long, value_name = "N", default_value_t = 65_536, requires = "scene", value_parser = clap::value_parser!(u32).range(2..=1 << 24))]
+    pub(crate) reference_runs: u32,
+    /// Options of `render` for --scene (480x270 pixels unless --size is among them)
+    #[arg(last = true, value_name = "OPTIONS", requires = "scene")]
+    pub(crate) shot: Vec<String>,
     /// Folder for designs.csv, designs.md and designs.svg; without it the table is only printed
     #[arg(short, long)]
     pub(crate) output: Option<PathBuf>,
@@ -77,6 +95,9 @@ fn line(row: &Row) -> String {
 
 /// Measures, prints the table as it grows, writes the files.
 pub(crate) fn run(args: &StudyDesignsArgs) -> Result<()> {
+    if let Some(scene) = &args.scene {
+        return super::study_designs_scene::run(args, scene);
+    }
     if args.placements == 0 || args.randomizations < 2 {
         return Err(Error::Invalid {
             what: "--placements, --randomizations".into(),

@@ -210,6 +210,29 @@ impl<'a> Shot<'a> {
         Ok((extents, total))
     }
 
+    /// Calls `visit` with the image function of each exposure of frame `frame`, its plan and its pass, for studies that
+    /// draw it by designs of their own.
+    ///
+    /// # Errors
+    /// As [`Shot::render`].
+    pub fn explore(
+        &self,
+        frame: i64,
+        mut visit: impl FnMut(&PathTracer<'_>, &EffectsPlan, &Pass<'_>),
+    ) -> Result<()> {
+        for pass in &self.settings.passes(frame, self.file_shutter_angle)? {
+            let (stage, plan) = self.prepare(pass);
+            let accel = Accel::build(self.scene, &stage, None);
+            let lights = Lights::build(self.scene, &stage, &self.materials, &self.environment);
+            let parts =
+                Parts { scene: self.scene, stage: &stage, accel: &accel, materials: &self.materials, lights: &lights };
+            let tracer = PathTracer::new(parts, self.camera(&stage), self.settings.bounces, self.settings.caustics);
+            let job = Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, number: pass.number };
+            visit(&tracer, &plan, &job);
+        }
+        Ok(())
+    }
+
     /// Renders frame `frame`; `None` if `progress` was cancelled.
     ///
     /// # Errors

@@ -5,6 +5,7 @@
 pub mod canvas;
 pub mod cost;
 pub mod designs;
+pub mod designs_rendered;
 pub mod dither;
 pub mod interlace;
 pub mod motion;
