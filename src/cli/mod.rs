@@ -8,6 +8,7 @@ mod plan;
 mod progress;
 mod render;
 mod run_render;
+mod sheet;
 mod shot;
 mod shot_args;
 mod study_cost;
@@ -29,6 +30,10 @@ pub(crate) struct Cli {
     command: Command,
 }
 
+/// What means nothing to a sheet of small pictures.
+const HIDDEN_IN_SHEETS: [&str; 10] =
+    ["crop", "video", "wide", "interlace", "line_height", "pulldown", "scan", "readout", "pixel_aspect", "aov"];
+
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Render frames of a glTF file with motion blur, depth of field and soft shadows
@@ -39,6 +44,14 @@ enum Command {
     Plan(Box<plan::PlanArgs>),
     /// Tell which frames of a folder are missing, corrupt or made with other settings
     Check(check::CheckArgs),
+    /// Show every glTF file of a folder as one small labelled picture: a contact sheet
+    #[command(
+        mut_arg("scene", |one| one.value_name("FOLDER").help("Folder of .gltf and .glb files, looked through with its subfolders, or one file")),
+        mut_arg("size", |one| one.long("cell").help("Width and height of each picture in pixels [default: 160x120]")),
+        mut_arg("runs", |one| one.default_value("16")),
+        mut_args(|one| { let hide = HIDDEN_IN_SHEETS.contains(&one.get_id().as_str()); one.hide(hide) })
+    )]
+    Sheet(Box<sheet::SheetArgs>),
     /// Measure how much two pictures differ
     Compare(compare::CompareArgs),
     /// Write the points of a sampling design, or print its square
@@ -69,6 +82,7 @@ impl Cli {
             Command::Plan(args) => say(&plan::run(args)?),
             Command::Design(args) => design::run(args)?,
             Command::Compare(args) => say(&compare::run(args)?),
+            Command::Sheet(args) => sheet::run(args)?,
             Command::Check(args) => {
                 let (text, well) = check::run(args)?;
                 say(&text);

@@ -101,12 +101,18 @@ pub fn compare(test: &Loaded, reference: &Loaded, metric: Metric) -> Result<Comp
     Ok(result)
 }
 
-/// An error map as PNG: dark violet for 0 to pale yellow for `largest` (1 for ꟻLIP), as in matplotlib's "magma".
+/// An error map as PNG: see [`map_codes`].
 ///
 /// # Errors
 /// If it cannot be encoded.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0 to 255")]
 pub fn map_png(map: &[f64], size: (u32, u32), largest: f64) -> Result<Vec<u8>> {
+    super::png::encode_codes(&map_codes(map, largest), size)
+}
+
+/// An error map as sRGB codes: dark violet for 0 to pale yellow for `largest` (1 for ꟻLIP), as in matplotlib's "magma".
+#[must_use]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0 to 255")]
+pub fn map_codes(map: &[f64], largest: f64) -> Vec<[u8; 3]> {
     const MAGMA: [[f64; 3]; 9] = [
         [0.0, 0.0, 4.0],
         [28.0, 16.0, 68.0],
@@ -118,22 +124,12 @@ pub fn map_png(map: &[f64], size: (u32, u32), largest: f64) -> Result<Vec<u8>> {
         [254.0, 194.0, 135.0],
         [252.0, 253.0, 191.0],
     ];
-    let bad = |error: png::EncodingError| Error::invalid("error map", format!("cannot be encoded: {error}"));
-    let codes: Vec<u8> = map
-        .iter()
-        .flat_map(|&error| {
+    map.iter()
+        .map(|&error| {
             let place = if largest > 0.0 { (error / largest).clamp(0.0, 1.0) * 8.0 } else { 0.0 };
             let low = (place as usize).min(7);
             let share = place - low as f64;
             [0, 1, 2].map(|c| (MAGMA[low][c] * (1.0 - share) + MAGMA[low + 1][c] * share).round() as u8)
         })
-        .collect();
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, size.0, size.1);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    let mut writer = encoder.write_header().map_err(bad)?;
-    writer.write_image_data(&codes).map_err(bad)?;
-    writer.finish().map_err(bad)?;
-    Ok(bytes)
+        .collect()
 }

@@ -87,6 +87,22 @@ pub fn encode(picture: &Picture, options: PngOptions, path: &Path) -> Result<Vec
     Ok(bytes)
 }
 
+/// A file of 8-bit sRGB codes in row order, without a record: maps, thumbnails, sheets.
+///
+/// # Errors
+/// If there are not as many codes as `size` has pixels.
+pub fn encode_codes(codes: &[[u8; 3]], size: (u32, u32)) -> Result<Vec<u8>> {
+    let bad = |error: png::EncodingError| Error::invalid("picture", format!("cannot be encoded: {error}"));
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, size.0, size.1);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header().map_err(bad)?;
+    writer.write_image_data(codes.as_flattened()).map_err(bad)?;
+    writer.finish().map_err(bad)?;
+    Ok(bytes)
+}
+
 #[allow(clippy::cast_possible_truncation, reason = "window columns and codes are within their types")]
 fn codes(picture: &Picture, options: PngOptions) -> Vec<u8> {
     let (highest, bytes_each) = match options.depth {

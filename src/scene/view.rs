@@ -56,7 +56,11 @@ impl View {
         let scene = rig.scene();
         let node = camera_node(scene, request.camera.as_deref())?;
         let start = rig.span().map_or(0.0, |s| s.0);
-        let ball = bounding_ball(rig, start);
+        // Without a camera, one that sees everything, wherever it goes.
+        let ball = match (node, rig.span()) {
+            (None, Some(span)) => bounding_ball(rig, &evenly(span)),
+            _ => bounding_ball(rig, &[start]),
+        };
         let (projection, place, lens) = match node {
             Some(n) => {
                 let camera = &scene.cameras[scene.nodes[n].camera.unwrap_or_default()];
@@ -213,9 +217,15 @@ pub fn node_named(scene: &Scene, wanted: &str) -> Result<NodeId> {
     })
 }
 
-/// Centre and radius of a ball around everything visible at `time`.
+/// Seventeen instants from the first to the last: between them an animation that is worth looking at goes no great way
+/// beyond what they show.
+fn evenly((first, last): (f64, f64)) -> [f64; 17] {
+    std::array::from_fn(|i| first + (last - first) * (i as f64 / 16.0))
+}
+
+/// Centre and radius of a ball around everything visible at any of `times`, seconds.
 #[must_use]
-pub fn bounding_ball(rig: &Rig<'_>, time: f64) -> (DVec3, f64) {
+pub fn bounding_ball(rig: &Rig<'_>, times: &[f64]) -> (DVec3, f64) {
     let scene = rig.scene();
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let mut meet = |p: DVec3| {
@@ -223,7 +233,9 @@ pub fn bounding_ball(rig: &Rig<'_>, time: f64) -> (DVec3, f64) {
             (low, high) = (low.min(p), high.max(p));
         }
     };
-    for (n, node) in scene.nodes.iter().enumerate() {
+    let everywhere =
+        times.iter().flat_map(|&time| scene.nodes.iter().enumerate().map(move |(n, node)| (time, n, node)));
+    for (time, n, node) in everywhere {
         if node.meshes.is_empty() || !rig.is_visible(n, time) {
             continue;
         }

@@ -11,3 +11,5 @@ pub mod interlace;
 pub mod motion;
 pub mod patterns;
 pub mod plots;
+pub mod poster;
+pub mod sheet;
