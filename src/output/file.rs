@@ -14,9 +14,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// # Errors
 /// [`Error::Io`] with the operating system's reason: a full disk is [worth retrying](Error::worth_retrying).
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_whole_with(path, |file| file.write_all(bytes).map_err(|source| Error::io(path, "write", source)))
+}
+
+/// As [`write_whole`], with the content that `fill` writes.
+///
+/// # Errors
+/// Those of `fill`, and [`Error::Io`].
+pub fn write_whole_with(path: &Path, fill: impl FnOnce(&mut File) -> Result<()>) -> Result<()> {
     let temporary = temporary_name(path)?;
-    let written = write_and_sync(&temporary, bytes)
-        .map_err(|source| Error::io(path, "write", source))
+    let written = fill_and_sync(path, &temporary, fill)
         .and_then(|()| fs::rename(&temporary, path).map_err(|source| Error::io(path, "rename into place", source)));
     if written.is_err() {
         // The first error is the one to report; a leftover would only waste the space that may be short.
@@ -25,11 +32,12 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     written
 }
 
-fn write_and_sync(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
-    file.write_all(bytes)?;
+fn fill_and_sync(path: &Path, temporary: &Path, fill: impl FnOnce(&mut File) -> Result<()>) -> Result<()> {
+    let failed = |source| Error::io(path, "write", source);
+    let mut file = OpenOptions::new().write(true).create_new(true).open(temporary).map_err(failed)?;
+    fill(&mut file)?;
     // Without this a power cut may leave the renamed file empty: the rename can reach the disk before the data.
-    file.sync_all()
+    file.sync_all().map_err(failed)
 }
 
 /// A name in the same folder that no other writer uses.

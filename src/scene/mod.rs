@@ -19,6 +19,7 @@ pub mod material;
 pub mod mesh;
 pub mod motion;
 pub mod node;
+pub mod pack;
 pub mod rig;
 pub mod schedule;
 pub mod sources;

@@ -2,6 +2,7 @@
 
 use super::LoadOptions;
 use super::schema::{Document, Object};
+use crate::scene::pack::{self, Pack};
 use crate::{Error, Result};
 use serde::de::DeserializeOwned;
 use std::cell::{Cell, RefCell};
@@ -22,6 +23,8 @@ const GROWTH: u64 = 64;
 /// Shared state of one import. Methods take `&self`, so that the document can be walked while warnings gather.
 pub(super) struct Context<'a> {
     pub(super) path: PathBuf,
+    /// Where files come from instead of the file's folder.
+    pub(super) pack: Option<Pack>,
     pub(super) options: &'a LoadOptions,
     pub(super) doc: Document,
     warnings: RefCell<Vec<String>>,
@@ -35,6 +38,7 @@ impl<'a> Context<'a> {
     pub(super) fn new(path: PathBuf, options: &'a LoadOptions) -> Self {
         Self {
             path,
+            pack: None,
             options,
             doc: Document::default(),
             warnings: RefCell::default(),
@@ -43,6 +47,17 @@ impl<'a> Context<'a> {
             spent: Cell::new(0),
             files: RefCell::default(),
         }
+    }
+
+    /// For the file `path`, which may be a packed scene.
+    pub(super) fn open(path: &Path, options: &'a LoadOptions) -> Result<Self> {
+        let pack = if pack::is_archive(path) { Some(Pack::open(path)?) } else { None };
+        Ok(Self { pack, ..Self::new(path.to_path_buf(), options) })
+    }
+
+    /// The scene file: inside the pack if there is one.
+    pub(super) fn scene_file(&self) -> PathBuf {
+        self.pack.as_ref().map_or_else(|| self.path.clone(), |pack| PathBuf::from(&pack.manifest().scene))
     }
 
     /// An error about `object`.

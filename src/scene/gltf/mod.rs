@@ -53,15 +53,16 @@ pub struct LoadOptions {
     pub memory_limit: Option<u64>,
 }
 
-/// Loads the scene that `path` shows.
+/// Loads the scene that `path` shows: a glTF file, or one that is [packed](super::pack) with what it refers to.
 ///
 /// # Errors
 /// One sentence if the file cannot be read, breaks the format beyond use, refers to files it may not, asks for more
 /// memory than its size warrants, or requires an extension that is not supported.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene> {
-    let mut ctx = Context::new(path.to_path_buf(), options);
-    let bytes = uri::read_bounded(&ctx, path, "file")?;
-    let identity = ctx.count_file(path, &bytes);
+    let mut ctx = Context::open(path, options)?;
+    let file = ctx.scene_file();
+    let bytes = uri::read_bounded(&ctx, &file, "file")?;
+    let identity = ctx.count_file(&file, &bytes);
     let (doc, binary) = container::open(&ctx, &bytes)?;
     drop(bytes);
     ctx.doc = doc;
@@ -100,9 +101,10 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene> {
 /// # Errors
 /// If the scene file cannot be read or is no glTF.
 pub fn sources(path: &Path, options: &LoadOptions) -> Result<Sources> {
-    let mut ctx = Context::new(path.to_path_buf(), options);
-    let bytes = uri::read_bounded(&ctx, path, "file")?;
-    let identity = ctx.count_file(path, &bytes);
+    let mut ctx = Context::open(path, options)?;
+    let file = ctx.scene_file();
+    let bytes = uri::read_bounded(&ctx, &file, "file")?;
+    let identity = ctx.count_file(&file, &bytes);
     ctx.doc = container::open(&ctx, &bytes)?.0;
     references::list(&ctx, identity)
 }

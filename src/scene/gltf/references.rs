@@ -10,8 +10,9 @@ use std::collections::BTreeMap;
 /// read are not read again, so the hash is that of what was loaded.
 pub(super) fn list(ctx: &Context<'_>, scene: (u64, [u8; 32])) -> Result<Sources> {
     let root = uri::folder_of(&ctx.path);
-    let own_name = ctx.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let own = SourceFile { name: own_name, path: ctx.path.clone(), bytes: scene.0, hash: scene.1 };
+    let file = ctx.scene_file();
+    let own_name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let own = SourceFile { name: own_name, path: file, bytes: scene.0, hash: scene.1 };
     let (mut files, mut missing) = (vec![own], Vec::new());
     let mut known: BTreeMap<&str, Option<[u8; 32]>> = BTreeMap::new();
     let buffers = ctx.doc.buffers.iter().enumerate().map(|(i, b)| ("buffer", i, &b.uri));
@@ -37,6 +38,12 @@ pub(super) fn list(ctx: &Context<'_>, scene: (u64, [u8; 32])) -> Result<Sources>
         hashes.push(hash);
     }
     let hash = hash_of(scene.1, hashes.into_iter());
+    if let Some(pack) = &ctx.pack {
+        let (found, packed) = (blake3::Hash::from_bytes(hash).to_hex(), &pack.manifest().scene_hash);
+        if found.as_str() != packed {
+            return Err(ctx.error("archive", format!("holds a scene with the hash {found}, but lists {packed}")));
+        }
+    }
     Ok(Sources { root, files, missing, hash })
 }
 

@@ -20,20 +20,31 @@ pub(super) fn read(ctx: &Context<'_>, uri: &str, object: &str) -> Result<Vec<u8>
 
 /// Reads a regular file that is no larger than one decoded thing may be.
 pub(super) fn read_bounded(ctx: &Context<'_>, path: &Path, object: &str) -> Result<Vec<u8>> {
+    if let Some(pack) = &ctx.pack {
+        let name = path.to_string_lossy();
+        let length = pack.length(&name).unwrap_or(0);
+        return if length > super::context::LARGEST {
+            Err(too_long(ctx, path, length, object))
+        } else {
+            pack.read(&name)
+        };
+    }
     let about = fs::metadata(path).map_err(|e| Error::io(path, "read", e))?;
     if !about.is_file() {
         return Err(ctx.error(object, format!("{} is not a regular file", path.display())));
     }
     if about.len() > super::context::LARGEST {
-        return Err(ctx.error(
-            object,
-            format!("{} has {} MiB, more than the 1024 MiB that are read", path.display(), about.len() >> 20),
-        ));
+        return Err(too_long(ctx, path, about.len(), object));
     }
     let file = fs::File::open(path).map_err(|e| Error::io(path, "read", e))?;
     let mut bytes = Vec::new();
     file.take(super::context::LARGEST).read_to_end(&mut bytes).map_err(|e| Error::io(path, "read", e))?;
     Ok(bytes)
+}
+
+fn too_long(ctx: &Context<'_>, path: &Path, length: u64, object: &str) -> Error {
+    let problem = format!("{} has {} MiB, more than the 1024 MiB that are read", path.display(), length >> 20);
+    ctx.error(object, problem)
 }
 
 /// Whether `uri` carries its data itself.
@@ -72,13 +83,21 @@ pub(super) fn resolve(ctx: &Context<'_>, uri: &str, object: &str) -> Result<(Pat
     if decoded.is_empty() || decoded.contains('\0') {
         return Err(refuse("is no file name"));
     }
-    if !ctx.options.allow_outside {
+    // A pack has no outside.
+    if !ctx.options.allow_outside || ctx.pack.is_some() {
         if decoded.starts_with(['/', '\\']) || decoded.get(1..2) == Some(":") || Path::new(&decoded).is_absolute() {
             return Err(refuse("is an absolute path; only files in the scene's folder are read"));
         }
         if leaves_folder(&decoded) {
             return Err(refuse("leads out of the scene's folder by \"..\""));
         }
+    }
+    if let Some(pack) = &ctx.pack {
+        let name = [without_detours(&decoded), without_detours(&decoded.replace('\\', "/"))]
+            .into_iter()
+            .find(|name| pack.length(name).is_some())
+            .ok_or_else(|| refuse("names no file in the archive"))?;
+        return Ok((PathBuf::from(&name), name));
     }
     let folder = folder_of(&ctx.path);
     let mut path = folder.join(&decoded);
