@@ -255,6 +255,10 @@ fn a_folder_is_checked_against_its_manifest() {
     std::fs::remove_file(folder.path().join("a.01.exr")).unwrap();
     let report = check::check(folder.path()).unwrap();
     assert_eq!((report[0].findings[0].frame, &report[0].findings[0].problem), (1, &Problem::Missing));
+    // What only the caller knows of: the frame after the last.
+    let report = check::check_frames(folder.path(), &[0, 6]).unwrap();
+    let last = report[0].findings.last().unwrap();
+    assert_eq!((last.frame, &last.problem), (6, &Problem::Missing));
 }
 
 #[test]

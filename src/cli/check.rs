@@ -2,6 +2,7 @@
 
 use clap::{Args, ValueHint};
 use graeco::output::check::{self, Sequence};
+use graeco::render::FrameList;
 use std::path::PathBuf;
 
 /// Arguments of `graeco check`.
@@ -11,6 +12,10 @@ pub(crate) struct CheckArgs {
     #[arg(value_hint = ValueHint::DirPath)]
     pub(crate) folder: PathBuf,
 
+    /// Frames that must be there, whatever the folder says: 1-48, 1-48:2 or 3,7,9
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
+    pub(crate) frames: Option<FrameList>,
+
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -18,7 +23,8 @@ pub(crate) struct CheckArgs {
 
 /// Checks; gives the text to print and whether everything is well (if not, the exit code is 1).
 pub(crate) fn run(args: &CheckArgs) -> graeco::Result<(String, bool)> {
-    let sequences = check::check(&args.folder)?;
+    let wanted = args.frames.as_ref().map_or(&[][..], FrameList::frames);
+    let sequences = check::check_frames(&args.folder, wanted)?;
     let well = sequences.iter().all(|sequence| sequence.findings.is_empty());
     let text = if args.json {
         serde_json::json!(sequences).to_string()

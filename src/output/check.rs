@@ -89,6 +89,15 @@ struct Expectation {
 /// # Errors
 /// [`Error::Io`] if the folder cannot be listed, [`Error::Invalid`] if it holds no frames.
 pub fn check(folder: &Path) -> Result<Vec<Sequence>> {
+    check_frames(folder, &[])
+}
+
+/// As [`check`], and each sequence should have the frames `wanted` besides, even if nothing in the folder says so: many
+/// machines may each know of its own frames alone, and one may never have begun.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_frames(folder: &Path, wanted: &[i64]) -> Result<Vec<Sequence>> {
     let entries = std::fs::read_dir(folder).map_err(|source| Error::io(folder, "list", source))?;
     let mut manifests = Vec::new();
     let mut pictures = BTreeSet::new();
@@ -115,6 +124,12 @@ pub fn check(folder: &Path) -> Result<Vec<Sequence>> {
             folder.display().to_string(),
             "holds no manifest and no numbered .exr or .png files",
         ));
+    }
+    for expectation in &mut expectations {
+        let pattern: Pattern = expectation.pattern.parse()?;
+        let known: BTreeSet<i64> = expectation.files.values().copied().collect();
+        let more = wanted.iter().filter(|frame| !known.contains(frame));
+        expectation.files.extend(more.map(|&frame| (folder.join(pattern.path(frame)), frame)));
     }
     Ok(expectations.into_iter().map(check_sequence).collect())
 }

@@ -77,6 +77,21 @@ impl Pattern {
         (self.path(frame) == path).then_some(frame)
     }
 
+    /// As [`Pattern::frame_of`], with `*` after the number for any text: `shot.####.*.part` has frame 7 for
+    /// `shot.0007.2.part`. More digits than the padding asks for are no matter, nor are fewer.
+    #[must_use]
+    pub fn frame_of_any(&self, path: &Path) -> Option<i64> {
+        self.digits?;
+        let text = path.to_str()?.strip_prefix(&self.before)?;
+        let end = text.find(|c: char| !c.is_ascii_digit() && c != '-').unwrap_or(text.len());
+        let (number, rest) = text.split_at(end);
+        let fits = match self.after.split_once('*') {
+            Some((head, tail)) => rest.strip_prefix(head).is_some_and(|rest| rest.ends_with(tail)),
+            None => rest == self.after,
+        };
+        if fits { number.parse().ok() } else { None }
+    }
+
     /// The name without number, separators about it, extension and folder: `pool` of `out/pool.####.exr`.
     #[must_use]
     pub fn stem(&self) -> String {
@@ -196,6 +211,17 @@ fn width(text: &str) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_star_stands_for_what_tells_parts_apart() {
+        let frame = |name: &str| "p/a.####.*.part".parse::<Pattern>().unwrap().frame_of_any(Path::new(name));
+        assert_eq!(frame("p/a.0007.2.part"), Some(7));
+        assert_eq!(frame("p/a.-12.0-31.part"), Some(-12));
+        for other in ["p/a.0007.2.part.partial", "p/b.0007.2.part", "p/a.0007.part", "q/a.0007.2.part", "p/a.x.2.part"]
+        {
+            assert_eq!(frame(other), None, "{other}");
+        }
+    }
 
     fn path(pattern: &str, frame: i64) -> String {
         pattern.parse::<Pattern>().unwrap().path(frame).to_str().unwrap().to_owned()
