@@ -29,6 +29,8 @@ pub mod output;
 
 pub mod render;
 
+pub mod farm;
+
 pub mod study;
 
 pub use error::{Error, Result};

@@ -12,8 +12,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// From first to last; a module may use those before it and itself.
-const LAYERS: [&str; 12] =
-    ["error", "numeric", "time", "factor", "scene", "effects", "design", "trace", "film", "output", "render", "study"];
+const LAYERS: [&str; 13] = [
+    "error", "numeric", "time", "factor", "scene", "effects", "design", "trace", "film", "output", "render", "farm",
+    "study",
+];
 
 fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {

@@ -3,7 +3,9 @@
 mod check;
 mod compare;
 mod design;
+mod farm;
 mod info;
+mod pack;
 mod plan;
 mod progress;
 mod render;
@@ -15,6 +17,7 @@ mod study_cost;
 mod study_designs;
 mod study_designs_scene;
 mod study_dither;
+mod study_farm;
 mod study_motion;
 mod study_patterns;
 mod study_spectrum;
@@ -56,6 +59,12 @@ enum Command {
     Compare(compare::CompareArgs),
     /// Write the points of a sampling design, or print its square
     Design(design::DesignArgs),
+    #[command(subcommand, arg_required_else_help = true)]
+    Farm(farm::FarmCommand),
+    /// Put a scene and every file that it refers to into one file, with their hashes
+    Pack(pack::PackArgs),
+    /// Take a packed scene apart into a folder, and check every file
+    Unpack(pack::UnpackArgs),
     /// Measure designs and pictures
     #[command(subcommand, arg_required_else_help = true)]
     Study(Study),
@@ -68,6 +77,7 @@ enum Study {
     Cost(Box<study_cost::StudyCostArgs>),
     Designs(study_designs::StudyDesignsArgs),
     Dither(study_dither::StudyDitherArgs),
+    Farm(study_farm::StudyFarmArgs),
     Patterns(study_patterns::StudyPatternsArgs),
     Spectrum(study_spectrum::StudySpectrumArgs),
     Motion(Box<study_motion::StudyMotionArgs>),
@@ -81,6 +91,9 @@ impl Cli {
             Command::Info(args) => info::run(args)?,
             Command::Plan(args) => say(&plan::run(args)?),
             Command::Design(args) => design::run(args)?,
+            Command::Farm(command) => say(&farm::run(command)?),
+            Command::Pack(args) => say(&pack::run(args)?),
+            Command::Unpack(args) => say(&pack::unpack(args)?),
             Command::Compare(args) => say(&compare::run(args)?),
             Command::Sheet(args) => sheet::run(args)?,
             Command::Check(args) => {
@@ -93,6 +106,7 @@ impl Cli {
             Command::Study(Study::Cost(args)) => study_cost::run(args)?,
             Command::Study(Study::Designs(args)) => study_designs::run(args)?,
             Command::Study(Study::Dither(args)) => study_dither::run(args)?,
+            Command::Study(Study::Farm(args)) => study_farm::run(args)?,
             Command::Study(Study::Patterns(args)) => study_patterns::run(args)?,
             Command::Study(Study::Spectrum(args)) => study_spectrum::run(args)?,
             Command::Study(Study::Motion(args)) => study_motion::run(args)?,

@@ -232,7 +232,7 @@ impl Work<'_> {
 }
 
 /// The most memory that this process has held, bytes.
-fn peak_memory() -> u64 {
+pub(super) fn peak_memory() -> u64 {
     use nix::sys::resource::{UsageWho, getrusage};
     // Linux counts kibibytes.
     getrusage(UsageWho::RUSAGE_SELF).map_or(0, |u| u64::try_from(u.max_rss()).unwrap_or(0) * 1024)

@@ -22,7 +22,7 @@ mod disk;
 pub mod dither;
 pub mod export;
 pub mod galois;
-mod hash;
+pub(crate) mod hash;
 mod kind;
 pub mod nets;
 mod nets_data;

@@ -7,6 +7,8 @@ pub mod cost;
 pub mod designs;
 pub mod designs_rendered;
 pub mod dither;
+pub mod farm;
+pub mod farm_plot;
 pub mod interlace;
 pub mod motion;
 pub mod patterns;
