@@ -1,0 +1,34 @@
+#!/bin/bash
+# `graeco farm openjd` with `openjd run`: six frames of two tiles. One task is killed, another one is told to stop, each
+# in the middle; the job is run again each time. The merged frames must equal those of one machine.
+. "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+openjd=${OPENJD:-openjd}
+cleanup() { rm -rf "$work"; }
+trap cleanup EXIT
+cd "$work"
+
+single_machine
+"$GRAECO" farm openjd "$scene" --frames="$frames" "${settings[@]}" --parts=2 --frames-per-task=1 --measure=0 --memory=256 \
+    --pictures="$work/out/newton.####.exr" --output=job.yaml
+"$openjd" check job.yaml
+job=("$openjd" run job.yaml --step Merge --run-dependencies -p Graeco="$work/worker" -p Scene="$scene")
+
+# Runs the job and strikes the task $2 with the signal $1; the run must fail.
+struck_run() {
+    "${job[@]}" >"run-$1.log" 2>&1 &
+    local run=$! pid
+    pid=$(in_the_middle "$2" out/parts "*.partial" 2000)
+    kill "-$1" "$pid"
+    if wait "$run"; then fail "the run succeeded although $2 was struck by $1"; fi
+    grep -q "openjd_progress" "run-$1.log" || fail "no progress was reported"
+    [ ! -e out/newton.0001.exr ] || fail "merged too early"
+    echo "task $2 was struck by $1 in the middle"
+}
+
+struck_run KILL 3.2-2
+struck_run TERM 7.1-2
+grep -q "exited with code: 75" run-TERM.log || fail "a request to stop does not end with exit code 75"
+"${job[@]}" >run.log 2>&1 || { tail -n 40 run.log >&2; fail "the last run failed"; }
+same_frames out
+# Struck tasks were begun twice, all others that were finished are recognised and not rendered again.
+[ "$(wc -l <tasks/3.2-2)" -ge 2 ] || fail "the killed task was not run again"
