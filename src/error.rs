@@ -76,6 +76,21 @@ pub enum Error {
         /// What happened and what to do.
         problem: String,
     },
+    /// Parts of frames do not make up what is to be merged.
+    #[error("{problem}")]
+    Merge {
+        /// Which files, what is wrong or missing.
+        problem: String,
+    },
+    /// Another task is writing the same file.
+    #[error("{}: another task is writing this part; it is left alone", path.display())]
+    Busy {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The system asked for an end (SIGTERM).
+    #[error("told to stop; what is finished is kept, and the same command goes on from there")]
+    Terminated,
     /// The user interrupted the work.
     #[error("interrupted; the {frames_kept} frames already finished are kept")]
     Interrupted {
@@ -95,11 +110,12 @@ impl Error {
         Self::Invalid { what: what.into(), problem: problem.into() }
     }
 
-    /// Whether trying again later may succeed with nothing changed: a full disk, an interrupted call.
+    /// Whether trying again later may succeed with nothing changed: a full disk, an interrupted call, another writer.
     #[must_use]
     pub fn worth_retrying(&self) -> bool {
         use std::io::ErrorKind as K;
-        matches!(self, Self::Io { source, .. } if matches!(source.kind(),
+        matches!(self, Self::Busy { .. } | Self::Terminated)
+            || matches!(self, Self::Io { source, .. } if matches!(source.kind(),
             K::StorageFull | K::QuotaExceeded | K::Interrupted | K::TimedOut | K::WouldBlock | K::ResourceBusy
             | K::OutOfMemory | K::StaleNetworkFileHandle | K::NetworkDown | K::HostUnreachable))
     }

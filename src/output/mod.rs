@@ -9,6 +9,7 @@ pub mod exr;
 pub mod file;
 pub mod flip;
 pub mod manifest;
+pub mod part;
 pub mod pattern;
 pub mod picture;
 pub mod png;

@@ -122,6 +122,20 @@ impl Record {
     pub fn new(settings: serde_json::Value, scene_hash: &[u8; 32], seed: u64) -> Self {
         let program = concat!("graeco ", env!("CARGO_PKG_VERSION")).to_owned();
         let scene_hash = blake3::Hash::from_bytes(*scene_hash).to_hex().to_string();
+        Self::hashed(settings, scene_hash, seed, program)
+    }
+
+    /// The same with one more setting.
+    #[must_use]
+    pub fn with(&self, name: &str, value: String) -> Self {
+        let mut settings = self.settings.clone();
+        if let Some(map) = settings.as_object_mut() {
+            map.insert(name.to_owned(), serde_json::Value::String(value));
+        }
+        Self::hashed(settings, self.scene_hash.clone(), self.seed, self.program.clone())
+    }
+
+    fn hashed(settings: serde_json::Value, scene_hash: String, seed: u64, program: String) -> Self {
         let mut hasher = blake3::Hasher::new();
         // serde_json's maps are sorted, so equal settings are equal text; lengths keep the parts apart.
         for part in [&settings.to_string(), &scene_hash, &seed.to_string(), &program] {

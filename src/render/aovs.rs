@@ -7,13 +7,15 @@
 use super::Progress;
 use super::integrate::Pass;
 use crate::design::{Design, Factor, PixelAddress};
-use crate::film::Window;
+use crate::film::blocks::pixels;
+use crate::film::{AlignedSums, Block, Join, Layout, Window};
 use crate::output::Plane;
 use crate::trace::FilmPoint;
 use crate::trace::aov::Observer;
 use crate::{Error, Result};
-use glam::{DVec2, Vec2};
+use glam::{DVec2, DVec3, Vec2};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::str::FromStr;
 
 /// One output variable.
@@ -51,6 +53,9 @@ impl Aov {
         ("object-id", Self::ObjectId),
     ];
 
+    /// Those that are means over runs, in the order in which they are stored.
+    const MEANS: [Self; 4] = [Self::Depth, Self::Normal, Self::Albedo, Self::Time];
+
     /// Whether it takes a look at first hits.
     #[must_use]
     pub fn is_observed(self) -> bool {
@@ -69,6 +74,36 @@ impl FromStr for Aov {
     }
 }
 
+/// Sums over the runs of a pixel that met a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Seen {
+    met: u32,
+    depth: f64,
+    time: f64,
+    normal: DVec3,
+    albedo: DVec3,
+}
+
+impl Join for Seen {
+    fn join(&self, next: &Self) -> Self {
+        Self {
+            met: self.met + next.met,
+            depth: self.depth + next.depth,
+            time: self.time + next.time,
+            normal: self.normal + next.normal,
+            albedo: self.albedo + next.albedo,
+        }
+    }
+}
+
+/// What is observed in one pixel over some of its runs.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ObservedSums {
+    runs: AlignedSums<Seen>,
+    motion: [f32; 4],
+    object: f32,
+}
+
 /// What was observed in one pixel.
 #[derive(Debug, Clone, Copy)]
 pub struct Observed {
@@ -83,6 +118,88 @@ pub struct Observed {
 impl Observed {
     const NOTHING: Self =
         Self { depth: f32::INFINITY, normal: [0.0; 3], albedo: [0.0; 3], motion: [0.0; 4], time: 0.0, object: 0.0 };
+}
+
+impl ObservedSums {
+    /// The pixel as observed.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation, reason = "means that are stored as f32")]
+    pub fn observed(&self) -> Observed {
+        let mut observed = Observed { motion: self.motion, object: self.object, ..Observed::NOTHING };
+        if let Some(seen) = self.runs.whole().filter(|seen| seen.met > 0) {
+            let n = f64::from(seen.met);
+            observed.depth = (seen.depth / n) as f32;
+            observed.normal = (seen.normal / n).as_vec3().to_array();
+            observed.albedo = (seen.albedo / n).as_vec3().to_array();
+            observed.time = (seen.time / n) as f32;
+        }
+        observed
+    }
+}
+
+/// Appends what `wanted` needs of `pixels`, each over the runs of `layout`, to `out`.
+pub fn pack(pixels: &[ObservedSums], wanted: &[Aov], out: &mut Vec<u8>) {
+    let means = Aov::MEANS.iter().any(|mean| wanted.contains(mean));
+    let mut put = |values: &[f64]| values.iter().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
+    for pixel in pixels {
+        for block in pixel.runs.blocks() {
+            let seen = &block.sums;
+            if means {
+                put(&[f64::from(seen.met)]);
+            }
+            for aov in Aov::MEANS.iter().filter(|aov| wanted.contains(aov)) {
+                match aov {
+                    Aov::Depth => put(&[seen.depth]),
+                    Aov::Normal => put(&seen.normal.to_array()),
+                    Aov::Albedo => put(&seen.albedo.to_array()),
+                    _ => put(&[seen.time]),
+                }
+            }
+        }
+        if wanted.contains(&Aov::Motion) {
+            put(&pixel.motion.map(f64::from));
+        }
+        if wanted.contains(&Aov::ObjectId) {
+            put(&[f64::from(pixel.object)]);
+        }
+    }
+}
+
+/// Appends the sums at the start of `bytes` to `pixels`, whose runs must all be earlier ones; gives what follows them, or
+/// nothing if there are too few bytes.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "these were widened to be stored")]
+pub fn unpack<'b>(bytes: &'b [u8], layout: &Layout, wanted: &[Aov], pixels: &mut [ObservedSums]) -> Option<&'b [u8]> {
+    let means = Aov::MEANS.iter().any(|mean| wanted.contains(mean));
+    let mut rest = bytes;
+    let mut next = || {
+        let (taken, left) = rest.split_first_chunk()?;
+        rest = left;
+        Some(f64::from_le_bytes(*taken))
+    };
+    for pixel in pixels {
+        for (start, level) in layout.blocks() {
+            let mut sums = Seen::default();
+            if means {
+                sums.met = next()? as u32;
+            }
+            for aov in Aov::MEANS.iter().filter(|aov| wanted.contains(aov)) {
+                match aov {
+                    Aov::Depth => sums.depth = next()?,
+                    Aov::Normal => sums.normal = DVec3::new(next()?, next()?, next()?),
+                    Aov::Albedo => sums.albedo = DVec3::new(next()?, next()?, next()?),
+                    _ => sums.time = next()?,
+                }
+            }
+            pixel.runs.push(Block { start, level, sums });
+        }
+        if wanted.contains(&Aov::Motion) {
+            pixel.motion = [next()? as f32, next()? as f32, next()? as f32, next()? as f32];
+        }
+        if wanted.contains(&Aov::ObjectId) {
+            pixel.object = next()? as f32;
+        }
+    }
+    Some(rest)
 }
 
 /// Observes the pass's pixels of `window` into `pixels` (row order); `false` if cancelled.
@@ -101,7 +218,8 @@ pub fn observe(
             return;
         }
         for (x, pixel) in line.iter_mut().enumerate() {
-            *pixel = observe_pixel(observer, design, pass, (window.x + x as u32) as i32, y as i32);
+            let at = ((window.x + x as u32) as i32, y as i32);
+            *pixel = observe_pixel(observer, design, pass, at, 0..design.runs()).observed();
         }
     });
     !progress.is_cancelled()
@@ -113,32 +231,47 @@ pub fn blank(window: Window) -> Vec<Observed> {
     vec![Observed::NOTHING; window.area()]
 }
 
-#[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "means that are stored as f32")]
-fn observe_pixel(observer: &Observer<'_>, design: &Design, pass: &Pass<'_>, x: i32, y: i32) -> Observed {
+/// Observes `runs` of a tile's exposed pixels, row by row.
+#[allow(clippy::cast_possible_wrap, reason = "sides are at most 65 536")]
+pub(super) fn observe_tile(
+    observer: &Observer<'_>,
+    design: &Design,
+    pass: &Pass<'_>,
+    tile: Window,
+    runs: &Range<u32>,
+) -> Vec<ObservedSums> {
+    pixels(tile, pass.lines)
+        .map(|(x, y)| observe_pixel(observer, design, pass, (x as i32, y as i32), runs.clone()))
+        .collect()
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "numbers that are stored as f32")]
+fn observe_pixel(
+    observer: &Observer<'_>,
+    design: &Design,
+    pass: &Pass<'_>,
+    (x, y): (i32, i32),
+    runs: Range<u32>,
+) -> ObservedSums {
     let shutter = design.factors().contains(&Factor::SHUTTER);
     let pixel = design.pixel(PixelAddress { x, y, frame: pass.number, field: 0 });
-    let (mut depth, mut normal, mut albedo, mut time, mut met) = (0.0_f64, [0.0_f64; 3], [0.0_f64; 3], 0.0_f64, 0_u32);
-    for run in 0..design.runs() {
+    let mut observed = ObservedSums::default();
+    for run in runs {
         let point = pixel.point(run);
         let u_film = Vec2::new(point.get(Factor::FILM_X), point.get(Factor::FILM_Y));
         let u_shutter = if shutter { point.get(Factor::SHUTTER) } else { 0.5 };
         let (film, _) = pass.footprint.sample(pass.filter, x, y, u_film, u_shutter);
-        let Some(hit) = observer.first_hit(film, &point) else { continue };
-        depth += f64::from(hit.depth);
-        time += f64::from(hit.time_s);
-        for c in 0..3 {
-            normal[c] += f64::from(hit.normal[c]);
-            albedo[c] += f64::from(hit.albedo[c]);
+        let mut sums = Seen::default();
+        if let Some(hit) = observer.first_hit(film, &point) {
+            sums = Seen {
+                met: 1,
+                depth: f64::from(hit.depth),
+                time: f64::from(hit.time_s),
+                normal: hit.normal.as_dvec3(),
+                albedo: hit.albedo.as_dvec3(),
+            };
         }
-        met += 1;
-    }
-    let mut observed = Observed::NOTHING;
-    if met > 0 {
-        let n = f64::from(met);
-        observed.depth = (depth / n) as f32;
-        observed.normal = normal.map(|v| (v / n) as f32);
-        observed.albedo = albedo.map(|v| (v / n) as f32);
-        observed.time = (time / n) as f32;
+        observed.runs.push(Block { start: u64::from(run), level: 0, sums });
     }
     let middle = FilmPoint {
         position: DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5),
