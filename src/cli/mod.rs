@@ -5,10 +5,13 @@ mod compare;
 mod design;
 mod farm;
 mod info;
+mod merge;
+mod output_args;
 mod pack;
 mod plan;
 mod progress;
 mod render;
+mod run_parts;
 mod run_render;
 mod sheet;
 mod shot;
@@ -41,6 +44,8 @@ const HIDDEN_IN_SHEETS: [&str; 10] =
 enum Command {
     /// Render frames of a glTF file with motion blur, depth of field and soft shadows
     Render(Box<render::RenderArgs>),
+    /// Join parts of frames, rendered by many machines, to the pictures that one machine makes
+    Merge(Box<merge::MergeArgs>),
     /// Print what a glTF file holds, and what of it is not supported
     Info(info::InfoArgs),
     /// Tell which effects a frame calls for, what is sampled, and by which design
@@ -88,6 +93,7 @@ impl Cli {
     pub(crate) fn run(&self) -> graeco::Result<ExitCode> {
         match &self.command {
             Command::Render(args) => run_render::run(args)?,
+            Command::Merge(args) => merge::run(args)?,
             Command::Info(args) => info::run(args)?,
             Command::Plan(args) => say(&plan::run(args)?),
             Command::Design(args) => design::run(args)?,

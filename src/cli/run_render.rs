@@ -1,134 +1,105 @@
 //! From arguments to pictures on disk.
 
+use super::output_args::finish;
 use super::progress::Reporter;
 use super::render::RenderArgs;
+use super::run_parts::PartWork;
 use graeco::output::manifest::{self, FrameLine, FrameStats, Line, Manifest, SequenceLine};
-use graeco::output::video::{ChromaNotch, YuvOptions};
-use graeco::output::{
-    Cadence, Destination, Dither, ExrDepth, FieldFiles, FieldOrder, FrameFormat, OutputTarget, PngDepth, PngOptions,
-    View, file,
-};
+use graeco::output::part::OutputChoice;
+use graeco::output::{Destination, FieldFiles, FieldOrder, OutputTarget, Record, file};
 use graeco::render::clock::cpu_seconds;
 use graeco::render::{Frame, FrameList, Progress, Settings, Shot};
-use graeco::time::Parity;
 use graeco::{Error, Result};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-impl RenderArgs {
-    /// What of the output changes the pixels of finished frame files.
-    fn finish(&self, destination: &Destination) -> String {
-        match destination {
-            Destination::Frames(pattern) if pattern.extension() == "png" => {
-                format!("{} {} {:?} {:?}", self.view, self.exposure, self.depth, self.fields)
-            }
-            _ => format!("{:?} {:?}", self.depth, self.fields),
-        }
+/// The manifest of a sequence of files, with a line on what this run sets out to make. A single picture has none.
+pub(crate) fn begin_manifest(
+    destination: &Destination,
+    fields: FieldFiles,
+    frames: &[i64],
+    settings: &Settings,
+    record: &Record,
+) -> Result<Option<Manifest>> {
+    let Destination::Frames(pattern) = destination else { return Ok(None) };
+    if !pattern.is_sequence() {
+        return Ok(None);
     }
+    file::make_folder_of(&pattern.path(0))?;
+    let manifest = Manifest::beside(pattern);
+    let (width, lines) = settings.size;
+    let separate = fields == FieldFiles::Separate && settings.field_order() != FieldOrder::Progressive;
+    let size = (width, if separate { lines / 2 } else { lines });
+    let name = std::path::Path::new(&pattern.to_string()).file_name().map(|n| n.to_string_lossy().into_owned());
+    manifest.append(&Line::Sequence(SequenceLine {
+        pattern: name.unwrap_or_default(),
+        frames: frames.to_vec(),
+        size,
+        record: record.clone(),
+    }))?;
+    Ok(Some(manifest))
+}
 
-    /// The manifest of a sequence of files, with a line on what this run sets out to make. A single picture has none.
-    fn begin_manifest(
-        &self,
-        destination: &Destination,
-        frames: &[i64],
-        settings: &Settings,
-        shot: &Shot<'_>,
-    ) -> Result<Option<Manifest>> {
-        let Destination::Frames(pattern) = destination else { return Ok(None) };
-        if !pattern.is_sequence() {
-            return Ok(None);
-        }
-        file::make_folder_of(&pattern.path(0))?;
-        let manifest = Manifest::beside(pattern);
-        let (width, lines) = settings.size;
-        let separate = self.fields == FieldFiles::Separate && settings.field_order() != FieldOrder::Progressive;
-        let size = (width, if separate { lines / 2 } else { lines });
-        let name = std::path::Path::new(&pattern.to_string()).file_name().map(|n| n.to_string_lossy().into_owned());
-        manifest.append(&Line::Sequence(SequenceLine {
-            pattern: name.unwrap_or_default(),
-            frames: frames.to_vec(),
-            size,
-            record: shot.record().as_ref().clone(),
-        }))?;
-        Ok(Some(manifest))
-    }
-
-    fn view(&self) -> View {
-        View { transform: self.view, exposure_ev: self.exposure }
-    }
-
-    /// Where finished pictures go; nothing is written yet.
-    fn target(&self, destination: Destination, settings: &Settings, frames: usize) -> Result<OutputTarget> {
-        let cadence = if self.shot.pulldown { Cadence::Pulldown(Parity::Top) } else { Cadence::Native };
-        let lines = settings.size.1;
-        match destination {
-            Destination::Frames(_) if self.chroma_notch || self.chroma.is_some() || self.bits.is_some() => Err(
-                Error::invalid("--chroma-notch, --chroma, --bits", "these are for video streams; frame files hold RGB"),
-            ),
-            Destination::Frames(pattern) => {
-                let format = self.frame_format(&pattern.extension())?;
-                OutputTarget::frames(pattern, format, self.fields, frames)
-            }
-            Destination::Stdout => {
-                OutputTarget::pipe(Box::new(std::io::stdout()), self.yuv(YuvOptions::for_lines(lines)), cadence)
-            }
-            Destination::Y4m(path) => OutputTarget::y4m(&path, self.yuv(YuvOptions::for_lines(lines)), cadence),
-            Destination::Video(path, container) => {
-                let options = self.yuv(container.yuv_options(self.view(), lines));
-                OutputTarget::video(&path, container, options, cadence, "ffmpeg")
-            }
-        }
-    }
-
-    fn yuv(&self, fit: YuvOptions) -> YuvOptions {
-        YuvOptions {
-            view: self.view(),
-            sampling: self.chroma.unwrap_or(fit.sampling),
-            depth: self.bits.unwrap_or(fit.depth),
-            notch: if self.chroma_notch { ChromaNotch::On } else { ChromaNotch::Off },
-            ..fit
-        }
-    }
-
-    fn frame_format(&self, extension: &str) -> Result<FrameFormat> {
-        match (extension, self.depth.as_deref()) {
-            ("exr", None | Some("half")) => Ok(FrameFormat::Exr(ExrDepth::Half)),
-            ("exr", Some("float")) => Ok(FrameFormat::Exr(ExrDepth::Float)),
-            ("png", depth @ (None | Some("8" | "16"))) => Ok(FrameFormat::Png(PngOptions {
-                depth: if depth == Some("16") { PngDepth::Sixteen } else { PngDepth::Eight },
-                view: self.view(),
-                dither: Dither::default(),
-            })),
-            (_, depth) => Err(Error::invalid(
-                format!("--depth {}", depth.unwrap_or_default()),
-                format!("not a depth of .{extension} files"),
-            )),
-        }
-    }
+/// Notes a finished frame in its sequence's manifest.
+pub(crate) fn note_frame(
+    manifest: &Manifest,
+    number: i64,
+    written: &[PathBuf],
+    record: &Record,
+    stats: FrameStats,
+) -> Result<()> {
+    let name = |p: &PathBuf| p.file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned());
+    let settings_hash = record.settings_hash.clone();
+    let files = written.iter().map(name).collect();
+    manifest.append(&Line::Frame(FrameLine { frame: number, files, settings_hash, stats }))
 }
 
 /// Signals that end the work.
 #[derive(Debug, Clone, Default)]
-struct Signals {
-    interrupted: Arc<AtomicBool>,
+pub(crate) struct Signals {
+    stopped: Arc<AtomicBool>,
+    terminated: Arc<AtomicBool>,
 }
 
 impl Signals {
-    fn listen() -> Self {
+    /// Takes interrupts and requests to end from here on.
+    pub(crate) fn listen() -> Self {
+        use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
         let signals = Self::default();
-        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
-            // Without the handler an interrupt ends the program at once, which loses nothing either.
-            let _ = signal_hook::flag::register(signal, Arc::clone(&signals.interrupted));
+        // Without the handlers a signal ends the program at once, which loses nothing that is finished either.
+        let _ = signal_hook::flag::register(SIGTERM, Arc::clone(&signals.terminated));
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            let _ = signal_hook::flag::register(signal, Arc::clone(&signals.stopped));
         }
+        // A file that outgrows the limit on files is an error like a full disk, not an end without a word.
+        let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
         signals
+    }
+
+    /// Whether the work is to end.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    /// Progress that ends with these signals.
+    pub(crate) fn progress(&self) -> Progress {
+        Progress::stopped_by(Arc::clone(&self.stopped))
+    }
+
+    /// What to say of an end that a signal asked for.
+    pub(crate) fn ended(&self, frames_kept: usize) -> Error {
+        if self.terminated.load(Ordering::Relaxed) { Error::Terminated } else { Error::Interrupted { frames_kept } }
     }
 }
 
 /// `graeco render`.
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
-    let destination = Destination::parse(&args.output.to_string_lossy())?;
+    let destination = args.output.destination()?;
+    let before = OutputChoice { pulldown: args.shot.pulldown, ..OutputChoice::default() };
+    let choice = args.output.over(&before);
+    refuse_slices_of_pictures(args, &destination)?;
     let settings = args.shot.settings();
     args.shot.set_threads()?;
     let started = Instant::now();
@@ -136,15 +107,21 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let load_s = started.elapsed().as_secs_f64();
     let environment = args.shot.environment()?;
     let surroundings = args.shot.surroundings(&scene, environment.as_ref());
-    let mut shot = Shot::new(&scene, &settings, &surroundings, &args.finish(&destination))?;
+    let mut shot = Shot::new(&scene, &settings, &surroundings, &finish(&destination, &choice))?;
     let frames = args.frames.clone().unwrap_or_else(|| FrameList::of_animation(shot.span(), settings.rate));
-    let reporter = Reporter::new(args.quiet, frames.frames().len());
+    let reporter = Reporter::new(&args.progress, frames.frames().len(), destination == Destination::Stdout);
     for warning in &scene.warnings {
         reporter.say(&format!("warning: {warning}"));
     }
-    let manifest = args.begin_manifest(&destination, frames.frames(), &settings, &shot)?;
-    let mut target = args.target(destination, &settings, frames.frames().len())?;
-    let mut work = Work { args, reporter, signals: Signals::listen(), load_s, manifest, kept: 0 };
+    if let Destination::Parts(pattern) = &destination {
+        pattern.validate_for(frames.frames().len())?;
+        let work = PartWork { args, pattern, choice: &choice, load_s, reporter, signals: Signals::listen() };
+        return work.render_all(&mut shot, frames.frames());
+    }
+    let manifest = begin_manifest(&destination, choice.fields, frames.frames(), &settings, shot.record())?;
+    let mut target = args.output.target(destination, &choice, settings.size.1, frames.frames().len())?;
+    let fields = choice.fields;
+    let mut work = Work { args, fields, reporter, signals: Signals::listen(), load_s, manifest, kept: 0 };
     let result = work.render_all(&mut shot, frames.frames(), &mut target);
     // A stream's frames so far become a whole file whatever happened.
     let finished = target.finish();
@@ -155,9 +132,23 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     Ok(())
 }
 
+/// Parts of frames are files of their own kind: a picture cannot hold them.
+fn refuse_slices_of_pictures(args: &RenderArgs, destination: &Destination) -> Result<()> {
+    let flag = if args.tile.is_some() { "--tile" } else { "--run-range" };
+    if (args.tile.is_some() || args.run_range.is_some()) && !matches!(destination, Destination::Parts(_)) {
+        return Err(Error::invalid(
+            flag,
+            "renders a part of a frame: it needs an output that ends in .part, such as out/shot.####.part, \
+             which `graeco merge` joins with the other parts",
+        ));
+    }
+    Ok(())
+}
+
 /// One run over a list of frames.
 struct Work<'a> {
     args: &'a RenderArgs,
+    fields: FieldFiles,
     reporter: Reporter,
     signals: Signals,
     /// Seconds to load the scene, until a frame has accounted for them.
@@ -176,8 +167,8 @@ impl Work<'_> {
             }
             self.render_one(shot, index, number, target)?;
             self.kept += 1;
-            if self.signals.interrupted.load(Ordering::Relaxed) && index + 1 < frames.len() {
-                return Err(Error::Interrupted { frames_kept: self.kept });
+            if self.signals.is_stopped() && index + 1 < frames.len() {
+                return Err(self.signals.ended(self.kept));
             }
         }
         Ok(())
@@ -185,13 +176,13 @@ impl Work<'_> {
 
     fn render_one(&mut self, shot: &mut Shot<'_>, index: usize, number: i64, target: &mut OutputTarget) -> Result<()> {
         let (began, cpu) = (Instant::now(), cpu_seconds());
-        let progress = Progress::stopped_by(Arc::clone(&self.signals.interrupted));
+        let progress = self.signals.progress();
         let pixels = shot.pixels();
         let frame = self.reporter.watch(index, number, pixels, &progress, || shot.render(number, &progress))?;
-        let Some(frame) = frame else { return Err(Error::Interrupted { frames_kept: self.kept }) };
+        let Some(frame) = frame else { return Err(self.signals.ended(self.kept)) };
         let writing = Instant::now();
         let mut written = Vec::new();
-        for picture in shot.pictures(number, &frame, self.args.fields)? {
+        for picture in shot.pictures(number, &frame, self.fields)? {
             written.extend(target.accept(picture)?);
         }
         let stats = FrameStats {
@@ -213,10 +204,7 @@ impl Work<'_> {
             manifest::append_json(path, &stats)?;
         }
         if let Some(manifest) = &self.manifest {
-            let name = |p: &PathBuf| p.file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned());
-            let settings_hash = shot.record().settings_hash.clone();
-            let files = written.iter().map(name).collect();
-            manifest.append(&Line::Frame(FrameLine { frame: number, files, settings_hash, stats }))?;
+            note_frame(manifest, number, &written, shot.record(), stats)?;
         }
         Ok(())
     }
@@ -232,7 +220,7 @@ impl Work<'_> {
 }
 
 /// The most memory that this process has held, bytes.
-pub(super) fn peak_memory() -> u64 {
+pub(crate) fn peak_memory() -> u64 {
     use nix::sys::resource::{UsageWho, getrusage};
     // Linux counts kibibytes.
     getrusage(UsageWho::RUSAGE_SELF).map_or(0, |u| u64::try_from(u.max_rss()).unwrap_or(0) * 1024)

@@ -10,7 +10,7 @@ use graeco::render::{Scanning, Settings, Surroundings};
 use graeco::scene::gltf::{self, LoadOptions};
 use graeco::scene::rig::Playback;
 use graeco::scene::view::ViewRequest;
-use graeco::scene::{Environment, Scene, texture};
+use graeco::scene::{Environment, Image, Pixels, Scene, texture};
 use graeco::time::FrameRate;
 use graeco::trace::environment::Background;
 use graeco::trace::path::Caustics;
@@ -24,11 +24,7 @@ impl ShotArgs {
 
     /// Takes as many threads as asked.
     pub(crate) fn set_threads(&self) -> Result<()> {
-        let Some(threads) = self.threads else { return Ok(()) };
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(usize::from(threads))
-            .build_global()
-            .map_err(|e| graeco::Error::invalid(format!("--threads {threads}"), e.to_string()))
+        set_threads(self.threads)
     }
 
     /// The settings that decide what pictures show.
@@ -98,9 +94,11 @@ impl ShotArgs {
             (None, None, None) if scene.has_light() => Background::Black,
             (None, None, None) => sky([1.0; 3], [0.35; 3]),
         };
+        // What the picture shows counts, not where it lies: machines keep it in different places.
+        let picture = environment.map_or_else(String::new, |e| hash_of(&e.image));
         let name = format!(
-            "{:?} {:?} {} {}",
-            self.environment, self.background, self.environment_rotation, self.environment_strength
+            "{picture} {:?} {} {} {:?}",
+            self.background, self.environment_rotation, self.environment_strength, self.variant
         );
         Surroundings { background, name }
     }
@@ -115,4 +113,23 @@ impl ShotArgs {
             strength: self.environment_strength as f32,
         }))
     }
+}
+
+/// Takes as many threads as asked.
+pub(crate) fn set_threads(threads: Option<u16>) -> Result<()> {
+    let Some(threads) = threads else { return Ok(()) };
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(usize::from(threads))
+        .build_global()
+        .map_err(|e| graeco::Error::invalid(format!("--threads {threads}"), e.to_string()))
+}
+
+/// Hex BLAKE3 of what an environment shows.
+fn hash_of(image: &Image) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&image.width.to_le_bytes());
+    if let Pixels::RgbF32(pixels) = &image.pixels {
+        hasher.update(bytemuck::cast_slice(pixels));
+    }
+    hasher.finalize().to_hex().to_string()
 }

@@ -223,6 +223,14 @@ impl Picture {
         self
     }
 
+    /// Adds a coverage of 1 where the film has runs and 0 where it has none.
+    #[must_use]
+    pub fn with_coverage(mut self, film: &Film) -> Self {
+        let there = |runs: u32| if runs > 0 { 1.0 } else { 0.0 };
+        self.alpha = Some(film.pixels().iter().map(|pixel| there(pixel.runs + pixel.rejected)).collect());
+        self
+    }
+
     /// Whether it holds every pixel of its size.
     #[must_use]
     pub fn is_whole(&self) -> bool {

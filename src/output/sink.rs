@@ -17,6 +17,8 @@ use std::path::{Path, PathBuf};
 pub enum Destination {
     /// A file for each frame: `.exr` or `.png`.
     Frames(Pattern),
+    /// A part of a frame for each frame: `.part`. See [`super::part`].
+    Parts(Pattern),
     /// A YUV4MPEG2 file.
     Y4m(PathBuf),
     /// YUV4MPEG2 on standard output: `-`.
@@ -41,10 +43,11 @@ impl Destination {
         let pattern: Pattern = text.parse()?;
         match pattern.extension().as_str() {
             "exr" | "png" => Ok(Self::Frames(pattern)),
+            "part" => Ok(Self::Parts(pattern)),
             "y4m" => Ok(Self::Y4m(path)),
             _ => Err(Error::invalid(
                 format!("output \"{text}\""),
-                "expected a name ending in .exr or .png (frames), .y4m, .mp4, .mkv, .mov, .mpg, .dv or .avi (video), \
+                "expected a name ending in .exr or .png (frames), .part (parts of frames), .y4m, .mp4, .mkv, .mov, .mpg, .dv or .avi (video), \
                  or - (YUV4MPEG2 to standard output)",
             )),
         }
@@ -53,7 +56,7 @@ impl Destination {
     /// Whether it is one stream of all frames, which must come in order and cannot be resumed.
     #[must_use]
     pub const fn is_stream(&self) -> bool {
-        !matches!(self, Self::Frames(_))
+        !matches!(self, Self::Frames(_) | Self::Parts(_))
     }
 }
 

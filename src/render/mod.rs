@@ -5,10 +5,13 @@
 
 pub mod aovs;
 pub mod clock;
+mod coverage;
 pub mod extent;
 pub mod forecast;
 pub mod frames;
 pub mod integrate;
+pub mod merge;
+pub mod parts;
 pub mod progress;
 pub mod settings;
 pub mod shot;
@@ -16,6 +19,8 @@ pub mod shot;
 pub use extent::BlurExtent;
 pub use forecast::Forecast;
 pub use frames::FrameList;
+pub use merge::Collection;
+pub use parts::{RunRange, Slice, Tile};
 pub use progress::Progress;
 pub use settings::{Scanning, Settings};
-pub use shot::{Frame, FrameCost, Shot, Surroundings};
+pub use shot::{Frame, FrameCost, Shot, Surroundings, pictures};

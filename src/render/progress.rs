@@ -19,11 +19,13 @@ impl Progress {
         Self { cancelled: flag, ..Self::default() }
     }
 
-    /// Counts finished pixels and the samples they took.
-    pub fn advance(&self, pixels: u64, samples: u64) {
+    /// Counts finished pixels and the samples they took; gives the rays that this thread traced for them.
+    pub fn advance(&self, pixels: u64, samples: u64) -> u64 {
+        let rays = crate::trace::tally::take_rays();
         self.pixels.fetch_add(pixels, Ordering::Relaxed);
         self.samples.fetch_add(samples, Ordering::Relaxed);
-        self.rays.fetch_add(crate::trace::tally::take_rays(), Ordering::Relaxed);
+        self.rays.fetch_add(rays, Ordering::Relaxed);
+        rays
     }
 
     /// Asks the work to stop at the next tile.

@@ -54,6 +54,9 @@ pub struct Frame {
     pub exposure: Exposure,
     /// What it took.
     pub cost: FrameCost,
+    /// Whether runs or pixels are missing, which only a merge of some of its parts leaves out: its pictures then get a
+    /// coverage that is 0 where there is nothing.
+    pub is_partial: bool,
 }
 
 /// Light from all around, with a name that tells it from any other.
@@ -137,7 +140,7 @@ impl<'a> Shot<'a> {
         self.window().area() as u64
     }
 
-    fn window(&self) -> Window {
+    pub(super) fn window(&self) -> Window {
         let (width, height) = self.settings.size;
         // The crop was checked when the shot was made.
         self.settings.window().ok().flatten().unwrap_or(Window::whole(width, height))
@@ -246,25 +249,16 @@ impl<'a> Shot<'a> {
         let mut observed = if observes { aovs::blank(film.window()) } else { Vec::new() };
         let (samples, rays) = (progress.samples(), progress.rays());
         for pass in &passes {
-            let started = Instant::now();
-            let (stage, plan) = self.prepare(pass);
-            let accel = Accel::build(self.scene, &stage, self.accel.take().as_ref());
-            let design = Design::new(&self.settings.sampling, &plan.factors());
-            let camera = self.camera(&stage);
-            let lights = Lights::build(self.scene, &stage, &self.materials, &self.environment);
-            let parts =
-                Parts { scene: self.scene, stage: &stage, accel: &accel, materials: &self.materials, lights: &lights };
-            let tracer = PathTracer::new(parts, camera, self.settings.bounces, self.settings.caustics);
-            cost.build_s += started.elapsed().as_secs_f64();
-            let (started, cpu) = (Instant::now(), clock::cpu_seconds());
-            let job = Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, number: pass.number };
-            let mut complete = integrate(&tracer, &design, &job, &mut film, progress);
-            if observes && complete {
-                complete = self.observe(pass, (&stage, &accel), &design, &job, film.window(), &mut observed, progress);
-            }
-            cost.render_s += started.elapsed().as_secs_f64();
-            cost.render_cpu_s += clock::cpu_seconds() - cpu;
-            self.accel = Some(accel);
+            let complete = self.expose(pass, &mut cost, |exposed| {
+                let mut complete = integrate(exposed.tracer, exposed.design, &exposed.job, &mut film, progress);
+                if observes && complete {
+                    let window = film.window();
+                    complete = exposed.observe(|observer| {
+                        aovs::observe(observer, exposed.design, &exposed.job, window, &mut observed, progress)
+                    });
+                }
+                complete
+            });
             if !complete {
                 return Ok(None);
             }
@@ -273,33 +267,45 @@ impl<'a> Shot<'a> {
         cost.rays = progress.rays() - rays;
         cost.rejected = film.rejected();
         let planes = aovs::planes(&observed, &self.settings.aovs);
-        Ok(Some(Frame { film, planes, exposure: passes[0].interval, cost }))
+        Ok(Some(Frame { film, planes, exposure: passes[0].interval, cost, is_partial: false }))
     }
 
-    /// Fills in what the settings ask for besides light.
-    #[allow(clippy::too_many_arguments, reason = "one exposure's parts, borrowed from the only caller")]
-    fn observe(
-        &self,
+    /// Builds what rays traverse during one exposure and hands it to `work`.
+    pub(super) fn expose<R>(
+        &mut self,
         pass: &PassPlan,
-        (stage, accel): (&Stage, &Accel),
-        design: &Design,
-        job: &Pass<'_>,
-        window: Window,
-        observed: &mut [aovs::Observed],
-        progress: &Progress,
-    ) -> bool {
-        let stages: Vec<Stage> = if self.settings.aovs.contains(&Aov::Motion) {
-            let at = |t: f64| self.view.stage(&self.rig, Exposure { open: t, close: t });
-            pass.neighbours(self.settings.rate).map(at).to_vec()
-        } else {
-            Vec::new()
-        };
-        let neighbours = match &stages[..] {
-            [now, before, after] => Some([now, before, after].map(|s| Neighbour::new(s, self.camera(s)))),
-            _ => None,
-        };
-        let observer = Observer::new(self.scene, stage, accel, &self.materials, self.camera(stage), neighbours);
-        aovs::observe(&observer, design, job, window, observed, progress)
+        cost: &mut FrameCost,
+        work: impl FnOnce(&Exposed<'_, 'a>) -> R,
+    ) -> R {
+        let started = Instant::now();
+        let earlier = self.accel.take();
+        let (stage, plan) = self.prepare(pass);
+        let accel = Accel::build(self.scene, &stage, earlier.as_ref());
+        let design = Design::new(&self.settings.sampling, &plan.factors());
+        let camera = self.camera(&stage);
+        let lights = Lights::build(self.scene, &stage, &self.materials, &self.environment);
+        let parts =
+            Parts { scene: self.scene, stage: &stage, accel: &accel, materials: &self.materials, lights: &lights };
+        let tracer = PathTracer::new(parts, camera, self.settings.bounces, self.settings.caustics);
+        cost.build_s += started.elapsed().as_secs_f64();
+        let (started, cpu) = (Instant::now(), clock::cpu_seconds());
+        let job = Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, number: pass.number };
+        let result =
+            work(&Exposed { shot: self, pass, stage: &stage, accel: &accel, tracer: &tracer, design: &design, job });
+        cost.render_s += started.elapsed().as_secs_f64();
+        cost.render_cpu_s += clock::cpu_seconds() - cpu;
+        self.accel = Some(accel);
+        result
+    }
+
+    /// Settings as they are.
+    pub(super) fn settings(&self) -> &'a Settings {
+        self.settings
+    }
+
+    /// The exposures of frame `frame`.
+    pub(super) fn passes(&self, frame: i64) -> Result<Vec<PassPlan>> {
+        self.settings.passes(frame, self.file_shutter_angle)
     }
 
     /// What is stored as the pictures' field order.
@@ -314,25 +320,76 @@ impl<'a> Shot<'a> {
     /// # Errors
     /// If a crop should be separated into fields.
     pub fn pictures(&self, number: i64, frame: &Frame, fields: FieldFiles) -> Result<Vec<Picture>> {
-        let metadata = Metadata {
-            frame: number,
-            rate: self.settings.rate,
-            exposure: frame.exposure,
-            pixel_aspect: self.settings.pixel_aspect,
-            order: self.settings.field_order(),
-            record: Arc::clone(&self.record),
+        pictures(self.settings, &self.record, number, frame, fields)
+    }
+}
+
+/// One exposure, ready to be sampled.
+pub(super) struct Exposed<'e, 'a> {
+    shot: &'e Shot<'a>,
+    pass: &'e PassPlan,
+    stage: &'e Stage,
+    accel: &'e Accel,
+    /// Light along rays.
+    pub(super) tracer: &'e PathTracer<'e>,
+    /// Where it is sampled.
+    pub(super) design: &'e Design,
+    /// Over what.
+    pub(super) job: Pass<'e>,
+}
+
+impl Exposed<'_, '_> {
+    /// Hands what observes first hits to `work`.
+    pub(super) fn observe<R>(&self, work: impl FnOnce(&Observer<'_>) -> R) -> R {
+        let shot = self.shot;
+        let stages: Vec<Stage> = if shot.settings.aovs.contains(&Aov::Motion) {
+            let at = |t: f64| shot.view.stage(&shot.rig, Exposure { open: t, close: t });
+            self.pass.neighbours(shot.settings.rate).map(at).to_vec()
+        } else {
+            Vec::new()
         };
-        let mut picture = Picture::from_film(&frame.film, metadata);
-        if self.settings.aovs.contains(&Aov::Samples) {
-            picture = picture.with_samples(&frame.film);
-        }
-        if self.settings.aovs.contains(&Aov::Variance) {
-            picture = picture.with_variance(&frame.film);
-        }
-        picture.planes.extend(frame.planes.iter().cloned());
-        match (self.settings.scanning, fields) {
-            (Scanning::Interlaced { .. }, FieldFiles::Separate) => Ok(separate(&picture)?.to_vec()),
-            _ => Ok(vec![picture]),
-        }
+        let neighbours = match &stages[..] {
+            [now, before, after] => Some([now, before, after].map(|s| Neighbour::new(s, shot.camera(s)))),
+            _ => None,
+        };
+        let camera = shot.camera(self.stage);
+        work(&Observer::new(shot.scene, self.stage, self.accel, &shot.materials, camera, neighbours))
+    }
+}
+
+/// A finished frame as pictures, with everything that their files should say: one, or the two fields of an interlaced
+/// frame if they are to be separate.
+///
+/// # Errors
+/// If a crop should be separated into fields.
+pub fn pictures(
+    settings: &Settings,
+    record: &Arc<Record>,
+    number: i64,
+    frame: &Frame,
+    fields: FieldFiles,
+) -> Result<Vec<Picture>> {
+    let metadata = Metadata {
+        frame: number,
+        rate: settings.rate,
+        exposure: frame.exposure,
+        pixel_aspect: settings.pixel_aspect,
+        order: settings.field_order(),
+        record: Arc::clone(record),
+    };
+    let mut picture = Picture::from_film(&frame.film, metadata);
+    if settings.aovs.contains(&Aov::Samples) {
+        picture = picture.with_samples(&frame.film);
+    }
+    if settings.aovs.contains(&Aov::Variance) {
+        picture = picture.with_variance(&frame.film);
+    }
+    picture.planes.extend(frame.planes.iter().cloned());
+    if frame.is_partial {
+        picture = picture.with_coverage(&frame.film);
+    }
+    match (settings.scanning, fields) {
+        (Scanning::Interlaced { .. }, FieldFiles::Separate) => Ok(separate(&picture)?.to_vec()),
+        _ => Ok(vec![picture]),
     }
 }

@@ -112,6 +112,13 @@ impl PartFile {
         Ok(&record[RECORD_HEAD..])
     }
 
+    /// The error of a record of `block` that is sound and yet not what the header promises.
+    #[must_use]
+    pub fn misfit(&self, block: u32) -> Error {
+        let problem = format!("its block {block} does not hold what its header promises");
+        Error::Picture { path: self.path.clone(), problem }
+    }
+
     /// Checks every record.
     ///
     /// # Errors
