@@ -73,6 +73,7 @@ struct MergeStats {
 
 /// `graeco merge`.
 pub(crate) fn run(args: &MergeArgs) -> Result<()> {
+    let signals = Signals::listen();
     super::shot::set_threads(args.threads)?;
     let destination = args.output.destination()?;
     if matches!(destination, Destination::Parts(_)) {
@@ -104,7 +105,7 @@ pub(crate) fn run(args: &MergeArgs) -> Result<()> {
     let record = Arc::new(if finish.is_empty() { record } else { record.with("finish", finish) });
     let manifest = begin_manifest(&destination, choice.fields, &frames, settings, &record)?;
     let mut target = args.output.target(destination, &choice, settings.size.1, frames.len())?;
-    let signals = Signals::listen();
+    signals.begin();
     let mut work = Work { args, collection: &collection, choice, record, reporter, signals, manifest };
     let result = work.merge_all(&frames, &mut target);
     let finished = target.finish();

@@ -61,21 +61,30 @@ pub(crate) fn note_frame(
 pub(crate) struct Signals {
     stopped: Arc<AtomicBool>,
     terminated: Arc<AtomicBool>,
+    /// Nothing is begun that could be finished or kept: signals end the program at once.
+    idle: Arc<AtomicBool>,
 }
 
 impl Signals {
     /// Takes interrupts and requests to end from here on.
     pub(crate) fn listen() -> Self {
         use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
-        let signals = Self::default();
+        let signals = Self { idle: Arc::new(AtomicBool::new(true)), ..Self::default() };
         // Without the handlers a signal ends the program at once, which loses nothing that is finished either.
         let _ = signal_hook::flag::register(SIGTERM, Arc::clone(&signals.terminated));
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
+        for (signal, code) in [(SIGINT, crate::EXIT_INTERRUPTED), (SIGTERM, crate::EXIT_RETRY), (SIGHUP, 129)] {
+            let idle = Arc::clone(&signals.idle);
+            let _ = signal_hook::flag::register_conditional_shutdown(signal, i32::from(code), idle);
             let _ = signal_hook::flag::register(signal, Arc::clone(&signals.stopped));
         }
         // A file that outgrows the limit on files is an error like a full disk, not an end without a word.
         let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
         signals
+    }
+
+    /// From here on there is work that a signal must leave in good order.
+    pub(crate) fn begin(&self) {
+        self.idle.store(false, Ordering::Relaxed);
     }
 
     /// Whether the work is to end.
@@ -96,6 +105,7 @@ impl Signals {
 
 /// `graeco render`.
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
+    let signals = Signals::listen();
     let destination = args.output.destination()?;
     let before = OutputChoice { pulldown: args.shot.pulldown, ..OutputChoice::default() };
     let choice = args.output.over(&before);
@@ -113,15 +123,16 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     for warning in &scene.warnings {
         reporter.say(&format!("warning: {warning}"));
     }
+    signals.begin();
     if let Destination::Parts(pattern) = &destination {
         pattern.validate_for(frames.frames().len())?;
-        let work = PartWork { args, pattern, choice: &choice, load_s, reporter, signals: Signals::listen() };
+        let work = PartWork { args, pattern, choice: &choice, load_s, reporter, signals };
         return work.render_all(&mut shot, frames.frames());
     }
     let manifest = begin_manifest(&destination, choice.fields, frames.frames(), &settings, shot.record())?;
     let mut target = args.output.target(destination, &choice, settings.size.1, frames.frames().len())?;
     let fields = choice.fields;
-    let mut work = Work { args, fields, reporter, signals: Signals::listen(), load_s, manifest, kept: 0 };
+    let mut work = Work { args, fields, reporter, signals, load_s, manifest, kept: 0 };
     let result = work.render_all(&mut shot, frames.frames(), &mut target);
     // A stream's frames so far become a whole file whatever happened.
     let finished = target.finish();

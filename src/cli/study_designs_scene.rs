@@ -100,7 +100,8 @@ pub(crate) fn run(args: &StudyDesignsArgs, scene: &Path) -> Result<()> {
         args.reference_runs
     );
     println!("{HEADER}");
-    let rows = study(&shot, settings.size, args.frame, &effort, &Progress::default(), &mut |r| println!("{}", line(r)))?;
+    let rows =
+        study(&shot, settings.size, args.frame, &effort, &Progress::default(), &mut |r| println!("{}", line(r)))?;
     let Some(folder) = &args.output else { return Ok(()) };
     let path = folder.join("rendered.csv");
     std::fs::create_dir_all(folder).map_err(|source| Error::Io { path: folder.clone(), action: "create", source })?;

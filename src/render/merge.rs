@@ -1,7 +1,7 @@
 //! Parts of frames back to frames: bit for bit what one machine makes, in whatever order they come.
 //!
 //! Every pixel's sums join along the design's binary structure ([`crate::film::AlignedSums`]), so the division does not
-//! show. A frame is merged by strips, one row of blocks at a time: memory holds the finished picture and the sums of one
+//! show. A frame is merged by strips of at most one row of blocks: memory holds the finished picture and the sums of one
 //! strip, however many parts there are.
 
 use super::aovs::{self, ObservedSums};
@@ -60,14 +60,15 @@ pub struct Merged {
 }
 
 impl Collection {
-    /// Looks into all of `paths`.
+    /// Looks into all of `paths`; a file that is named twice counts once.
     ///
     /// # Errors
     /// If a part cannot be read (unless it may be left out), or was made by another program, from another scene, or with
     /// other settings than the others.
     pub fn gather(mut paths: Vec<PathBuf>, missing: Missing) -> Result<Self> {
         paths.sort();
-        paths.dedup();
+        let mut seen = std::collections::HashSet::new();
+        paths.retain(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
         let mut notes = Vec::new();
         let mut paths = paths.into_iter();
         let lead = loop {
@@ -224,7 +225,7 @@ impl Collection {
         for section in &sections {
             let mut parts = OpenParts::new(&strip, section);
             for (pass, &lines) in (0..).zip(&passes) {
-                for row in rows(&section.blocks, Blocks::new(self.lead.window).columns()) {
+                for row in rows(&section.blocks, Blocks::new(self.lead.window).columns(), parts.widest_strip()) {
                     if progress.is_cancelled() {
                         return Ok(None);
                     }
@@ -233,8 +234,7 @@ impl Collection {
                 }
             }
         }
-        let mut notes = strip.notes;
-        notes.dedup();
+        let notes = strip.notes;
         let cost = cost_of(entries, film.rejected());
         let planes = aovs::planes(&observed, &self.settings.aovs);
         let bytes = entries.iter().map(|entry| entry.bytes).sum();
@@ -309,13 +309,17 @@ fn unequal(path: &str, a: &serde_json::Value, b: &serde_json::Value) -> Option<(
     Some((path.to_owned(), a.to_string(), b.to_string()))
 }
 
-/// The rows of the block grid that `blocks` cover, each cut to them.
-fn rows(blocks: &Range<u32>, columns: u32) -> Vec<Range<u32>> {
-    let (first, last) = (blocks.start / columns, blocks.end.div_ceil(columns));
-    (first..last)
-        .map(|row| (row * columns).max(blocks.start)..((row + 1) * columns).min(blocks.end))
-        .filter(|row| !row.is_empty())
-        .collect()
+/// The rows of the block grid that `blocks` cover, each cut to them and into strips of at most `widest` blocks.
+fn rows(blocks: &Range<u32>, columns: u32, widest: u32) -> Vec<Range<u32>> {
+    let mut strips = Vec::new();
+    let mut at = blocks.start;
+    while at < blocks.end {
+        let row_end = (at / columns + 1) * columns;
+        let end = row_end.min(blocks.end).min(at.saturating_add(widest));
+        strips.push(at..end);
+        at = end;
+    }
+    strips
 }
 
 #[allow(clippy::cast_precision_loss, reason = "seconds to be shown")]
@@ -345,9 +349,20 @@ impl<'s> OpenParts<'s> {
         Self { entries: strip.entries, section, total_runs: strip.collection.lead.total_runs, open }
     }
 
+    /// Parts that are open at a time: a quarter of the usual limit on open files.
+    const MOST_OPEN: usize = 256;
+
+    /// Blocks to be read at a time: some for each thread. Parts that must be opened for every strip give whole rows.
+    fn widest_strip(&self) -> u32 {
+        const A_THREAD: usize = 16;
+        if self.section.parts.len() > Self::MOST_OPEN {
+            return u32::MAX;
+        }
+        u32::try_from(A_THREAD * rayon::current_num_threads()).unwrap_or(u32::MAX)
+    }
+
     /// Hands the `index`-th part to `work`.
     fn with<R>(&mut self, index: usize, work: impl FnOnce(&(PartFile, Layout)) -> R) -> Result<R> {
-        const MOST_OPEN: usize = 256;
         let slot = &mut self.open[index];
         if let Some(part) = slot {
             return Ok(work(part));
@@ -356,7 +371,7 @@ impl<'s> OpenParts<'s> {
         let file = PartFile::open(&entry.path)?;
         let part = slot.insert((file, Layout::new(entry.extent.runs.clone(), self.total_runs)));
         let result = work(part);
-        if self.section.parts.len() > MOST_OPEN {
+        if self.section.parts.len() > Self::MOST_OPEN {
             *slot = None;
         }
         Ok(result)
@@ -416,7 +431,10 @@ impl Strip<'_> {
                 if self.collection.missing == Missing::Refused {
                     return Err(error);
                 }
-                self.notes.push(format!("{error}; it is left out"));
+                let note = format!("{error}; it is left out");
+                if !self.notes.contains(&note) {
+                    self.notes.push(note);
+                }
             }
         }
         Ok(())
@@ -446,5 +464,17 @@ impl Strip<'_> {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strips_cover_their_blocks_in_order_and_never_two_rows() {
+        assert_eq!(rows(&(3..17), 5, 100), [3..5, 5..10, 10..15, 15..17]);
+        assert_eq!(rows(&(4..11), 5, 3), [4..5, 5..8, 8..10, 10..11]);
+        assert!(rows(&(4..4), 5, 3).is_empty());
     }
 }

@@ -218,11 +218,7 @@ impl<'a> Shot<'a> {
     ///
     /// # Errors
     /// As [`Shot::render`].
-    pub fn explore(
-        &self,
-        frame: i64,
-        mut visit: impl FnMut(&PathTracer<'_>, &EffectsPlan, &Pass<'_>),
-    ) -> Result<()> {
+    pub fn explore(&self, frame: i64, mut visit: impl FnMut(&PathTracer<'_>, &EffectsPlan, &Pass<'_>)) -> Result<()> {
         for pass in &self.settings.passes(frame, self.file_shutter_angle)? {
             let (stage, plan) = self.prepare(pass);
             let accel = Accel::build(self.scene, &stage, None);

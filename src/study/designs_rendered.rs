@@ -169,7 +169,10 @@ fn references(
     let half = |salt: u64| {
         let runs = (effort.reference_runs / 2).max(1);
         let seed = !effort.seed ^ salt;
-        Design::new(&DesignOptions { kind: Kind::Sobol, dither: Dither::NONE, runs, seed, ..Default::default() }, factors)
+        Design::new(
+            &DesignOptions { kind: Kind::Sobol, dither: Dither::NONE, runs, seed, ..Default::default() },
+            factors,
+        )
     };
     let halves = [half(0), half(1)];
     pixels
