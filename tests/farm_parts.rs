@@ -158,6 +158,12 @@ fn the_programs_merged_files_are_those_that_it_renders() {
         assert_eq!(code, Some(0), "{said}");
         assert_eq!(fs::read(at(name)).unwrap(), fs::read(at(&format!("merged_{name}"))).unwrap(), "{name}");
     }
+    for (name, frame) in [("1_0-7", 3), ("1_8-15", 3), ("2_0-15", 3), ("2_0-15", 4)] {
+        fs::copy(at(&format!("parts/{name}.part")), at(&format!("shot.{frame:04}.{name}.part"))).unwrap();
+    }
+    let (code, said) = merge(&[&at("shot.####.*.part")], &at("b.exr"), "--frames 3");
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(fs::read(at("a.exr")).unwrap(), fs::read(at("b.exr")).unwrap());
 }
 
 #[test]

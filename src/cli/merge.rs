@@ -7,11 +7,12 @@ use super::shot_args::{OUTPUT, TIME};
 use clap::{Args, ValueHint};
 use graeco::output::manifest::{self, FrameStats, Manifest};
 use graeco::output::part::OutputChoice;
-use graeco::output::{Destination, OutputTarget, Record};
+use graeco::output::{Destination, OutputTarget, Pattern, Record};
 use graeco::render::clock::cpu_seconds;
 use graeco::render::merge::{Merged, Missing};
 use graeco::render::{Collection, FrameList, pictures};
 use graeco::{Error, Result};
+use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -29,7 +30,7 @@ Output flags that are not given here are those that the parts were rendered with
 
 Exit codes: 0 done, 1 permanent failure, 2 wrong usage, 75 worth retrying, 130 interrupted.")]
 pub(crate) struct MergeArgs {
-    /// Part files, folders of them, or @FILE with one of these a line
+    /// Part files, folders of them, patterns such as parts/shot.####.*.part (in quotes), or @FILE with one of these a line
     #[arg(required = true, value_name = "PART", value_hint = ValueHint::AnyPath)]
     parts: Vec<PathBuf>,
 
@@ -84,7 +85,7 @@ pub(crate) fn run(args: &MergeArgs) -> Result<()> {
     }
     let mut paths = Vec::new();
     for argument in &args.parts {
-        expand(argument, &mut paths)?;
+        expand(argument, args.frames.as_ref(), &mut paths)?;
     }
     let missing = if args.partial { Missing::LeftOut } else { Missing::Refused };
     let collection = Collection::gather(paths, missing)?;
@@ -116,8 +117,8 @@ pub(crate) fn run(args: &MergeArgs) -> Result<()> {
     Ok(())
 }
 
-/// The parts that an argument names: itself, those of a folder, or those of a list.
-fn expand(argument: &Path, paths: &mut Vec<PathBuf>) -> Result<()> {
+/// The parts that an argument names: itself, those of a folder, of a pattern, or of a list.
+fn expand(argument: &Path, frames: Option<&FrameList>, paths: &mut Vec<PathBuf>) -> Result<()> {
     let text = argument.to_string_lossy();
     if let Some(list) = text.strip_prefix('@') {
         let lines = fs::read_to_string(list).map_err(|source| Error::io(list, "read", source))?;
@@ -125,19 +126,35 @@ fn expand(argument: &Path, paths: &mut Vec<PathBuf>) -> Result<()> {
             if line.starts_with('@') {
                 return Err(Error::invalid(format!("@{list}"), "a list cannot name another list"));
             }
-            expand(Path::new(line), paths)?;
+            expand(Path::new(line), frames, paths)?;
         }
         return Ok(());
     }
-    if !argument.is_dir() {
+    if argument.is_dir() {
+        let is_part = |path: &Path| path.extension().is_some_and(|e| e == "part");
+        return list(argument, is_part, paths);
+    }
+    // What is there under this very name is a file whatever its name looks like.
+    let pattern = if argument.exists() { None } else { text.parse::<Pattern>().ok().filter(Pattern::is_sequence) };
+    let Some(pattern) = pattern else {
         paths.push(argument.to_path_buf());
         return Ok(());
-    }
-    let fail = |source| Error::io(argument, "list", source);
-    for entry in fs::read_dir(argument).map_err(fail)? {
-        let path = entry.map_err(fail)?.path();
-        let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
-        if !hidden && path.extension().is_some_and(|e| e == "part") {
+    };
+    let wanted: Option<HashSet<i64>> = frames.map(|list| list.frames().iter().copied().collect());
+    let is_wanted = |path: &Path| {
+        pattern.frame_of_any(path).is_some_and(|frame| wanted.as_ref().is_none_or(|w| w.contains(&frame)))
+    };
+    list(argument.parent().unwrap_or(Path::new("")), is_wanted, paths)
+}
+
+/// Adds the files of `folder` that are `wanted` and not hidden.
+fn list(folder: &Path, wanted: impl Fn(&Path) -> bool, paths: &mut Vec<PathBuf>) -> Result<()> {
+    let fail = |source| Error::io(folder, "list", source);
+    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    for entry in fs::read_dir(here).map_err(fail)? {
+        let name = entry.map_err(fail)?.file_name();
+        let path = folder.join(&name);
+        if !name.to_string_lossy().starts_with('.') && wanted(&path) {
             paths.push(path);
         }
     }
