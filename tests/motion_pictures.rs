@@ -47,6 +47,7 @@ fn settings(size: (u32, u32), runs: u32) -> Settings {
         filter: FilterSpec::BOX,
         texture_filter: TextureFilter::Point,
         bounces: 0,
+        sure_bounces: 2,
         caustics: graeco::trace::path::Caustics::default(),
         aovs: Default::default(),
     }

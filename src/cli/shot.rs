@@ -75,6 +75,7 @@ impl ShotArgs {
             filter: self.filter,
             texture_filter: self.texture_filter,
             bounces: self.bounces,
+            sure_bounces: self.sure_bounces,
             caustics: if self.caustics { Caustics::On } else { Caustics::Off },
             aovs: self.aov.clone(),
         }

@@ -146,7 +146,12 @@ pub(crate) struct ShotArgs {
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(0..=1024), help_heading = LIGHT)]
     pub(crate) bounces: u16,
 
-    /// Light from lamps that mirrors and glass focus onto other surfaces: found by chance, noisy
+    /// Bounces that every path makes; with more allowed, dim paths then end by chance and the others carry their light
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(0..=1024), help_heading = LIGHT)]
+    pub(crate) sure_bounces: u16,
+
+    /// Light from lamps that mirrors and glass focus onto other surfaces, computed: noisy. Without it, what polished
+    /// metal and lacquer focus is blurred, and what glass focuses is left out
     #[arg(long, help_heading = LIGHT)]
     pub(crate) caustics: bool,
 

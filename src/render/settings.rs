@@ -7,7 +7,7 @@ use crate::output::{FieldOrder, PixelAspect};
 use crate::scene::rig::Playback;
 use crate::scene::view::ViewRequest;
 use crate::time::{Exposure, FrameRate, Parity, Shutter, ShutterPhase};
-use crate::trace::path::Caustics;
+use crate::trace::path::{Caustics, PathLengths};
 use crate::trace::texture::TextureFilter;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -66,6 +66,8 @@ pub struct Settings {
     pub texture_filter: TextureFilter,
     /// Diffuse and rough bounces after the first hit.
     pub bounces: u16,
+    /// Bounces that every path makes before chance may end it.
+    pub sure_bounces: u16,
     /// Whether lamps light surfaces by way of mirrors and glass.
     pub caustics: Caustics,
     /// Planes beside the picture.
@@ -94,6 +96,12 @@ impl Settings {
             Scanning::Interlaced { first } => FieldOrder::Interlaced { first },
             Scanning::Progressive | Scanning::Rolling { .. } => FieldOrder::Progressive,
         }
+    }
+
+    /// How long paths are.
+    #[must_use]
+    pub fn path_lengths(&self) -> PathLengths {
+        PathLengths { bounces: self.bounces, sure: self.sure_bounces }
     }
 
     /// The part of the picture to render.

@@ -200,7 +200,7 @@ impl<'a> Shot<'a> {
             let lights = Lights::build(self.scene, &stage, &self.materials, &self.environment);
             let parts =
                 Parts { scene: self.scene, stage: &stage, accel: &accel, materials: &self.materials, lights: &lights };
-            let tracer = PathTracer::new(parts, camera.clone(), self.settings.bounces, self.settings.caustics);
+            let tracer = PathTracer::new(parts, camera.clone(), self.settings.path_lengths(), self.settings.caustics);
             let build_s = started.elapsed().as_secs_f64();
             extents.push(extent::measure(self.scene, &stage, &accel, &camera, self.settings.size));
             let job = Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, number: pass.number };
@@ -225,7 +225,8 @@ impl<'a> Shot<'a> {
             let lights = Lights::build(self.scene, &stage, &self.materials, &self.environment);
             let parts =
                 Parts { scene: self.scene, stage: &stage, accel: &accel, materials: &self.materials, lights: &lights };
-            let tracer = PathTracer::new(parts, self.camera(&stage), self.settings.bounces, self.settings.caustics);
+            let tracer =
+                PathTracer::new(parts, self.camera(&stage), self.settings.path_lengths(), self.settings.caustics);
             let job = Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, number: pass.number };
             visit(&tracer, &plan, &job);
         }
@@ -282,7 +283,7 @@ impl<'a> Shot<'a> {
         let lights = Lights::build(self.scene, &stage, &self.materials, &self.environment);
         let parts =
             Parts { scene: self.scene, stage: &stage, accel: &accel, materials: &self.materials, lights: &lights };
-        let tracer = PathTracer::new(parts, camera, self.settings.bounces, self.settings.caustics);
+        let tracer = PathTracer::new(parts, camera, self.settings.path_lengths(), self.settings.caustics);
         cost.build_s += started.elapsed().as_secs_f64();
         let (started, cpu) = (Instant::now(), clock::cpu_seconds());
         let job = Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, number: pass.number };

@@ -4,6 +4,10 @@
 //! the next ray; what both can find is weighted by the power heuristic (Veach and Guibas 1995). Vertices that only
 //! mirror or refract cost no factors and count as no bounce: the surface seen in a mirror draws the very numbers that
 //! it would draw if it were seen directly.
+//!
+//! Without [`Caustics::On`] the path's later facets are regularised (Kaplanyan and Dachsbacher 2013, "Path Space
+//! Regularization for Holistic and Robust Light Transport"): after a lobe of GGX width a (1 for diffuse) none is narrower
+//! than a [part](REGULARISED) of a, so that no lamp is seen in one by a rare chance.
 
 use super::accel::Accel;
 use super::bsdf::{BsdfSample, Materials, Medium, Scatter, Shading, ShadingQuery, wavelength};
@@ -23,10 +27,16 @@ use glam::{Vec2, Vec3};
 const MOST_SPECULAR: u16 = 64;
 /// Indices of [`Factor::extra`] that the path tracer draws.
 const EXTRA_ALPHA: u16 = 0;
-const EXTRA_TEXTURE: u16 = 1;
+const EXTRA_WAVELENGTH: u16 = 1;
 const EXTRA_SPECULAR: u16 = 2;
-/// Beyond the last that [`EXTRA_SPECULAR`] reaches.
-const EXTRA_WAVELENGTH: u16 = EXTRA_SPECULAR + MOST_SPECULAR + 1;
+/// Beyond the last that [`EXTRA_SPECULAR`] reaches, two by two: texture and roulette at each vertex.
+const EXTRA_VERTEX: u16 = EXTRA_SPECULAR + MOST_SPECULAR + 1;
+/// Facets' least width after a lobe, as a part of that lobe's. At a quarter a regularised lobe's peak, 1 / (4π α²) per
+/// steradian, is four times that of a diffuse surface, 1 / π: what is found by way of it stands out by two stops at most.
+const REGULARISED: f32 = 0.25;
+/// The width of an earlier lobe, as wide as roughness ¼, from which on what mirrors and glass show of lamps makes
+/// caustics: in a narrower one lamps are still seen, as highlights that belong to the picture.
+const BLURS: f32 = 1.0 / 16.0;
 /// Tells shadow rays' draws from those of the path.
 const SHADOW_SALT: u32 = 1 << 31;
 
@@ -50,21 +60,34 @@ pub struct Parts<'a> {
 pub struct PathTracer<'a> {
     parts: Parts<'a>,
     camera: CameraRays,
-    bounces: u16,
+    lengths: PathLengths,
     caustics: Caustics,
+}
+
+/// How long paths are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct PathLengths {
+    /// The most diffuse and rough bounces after the first hit; 0 leaves direct light, and what mirrors and clear glass
+    /// show.
+    pub bounces: u16,
+    /// Bounces that every path makes. After those it goes on with a probability equal to its throughput, and carries
+    /// the light of those that ended (Russian roulette, Arvo and Kirk 1990, "Particle Transport and Image Synthesis").
+    pub sure: u16,
 }
 
 /// Whether lamps light surfaces by way of mirrors and glass.
 ///
 /// Such light is found by chance alone, when a scattered ray happens to meet the lamp: a few samples carry all of it,
-/// and it takes thousands to even them out. Most renderers leave it out unless asked.
+/// and it takes thousands to even them out. Most renderers leave it out or blur it unless asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Caustics {
-    /// Left out. What surrounds the scene still shines through glass.
+    /// Reflected light spreads over a wide patch instead of a sharp one: opaque facets narrower than a quarter of the
+    /// widest lobe before them are widened to it. What lets light through stays sharp, and lamps seen by way of it after
+    /// such a lobe are left out; what surrounds the scene still shines through glass.
     #[default]
     Off,
-    /// Computed.
+    /// Computed, without bias.
     On,
 }
 
@@ -85,17 +108,19 @@ struct Path {
     vertex: u16,
     bounces: u16,
     specular: u16,
-    /// Whether the ray comes from a rough surface by way of mirrors or glass: what lamps it meets makes caustics.
+    /// Widest lobe that scattered the path: its GGX width, 1 for diffuse ones, 0 for none.
+    spread: f32,
+    /// Whether the ray comes from a wide lobe by way of mirrors or glass: what lamps it meets makes caustics.
     focused: bool,
     /// Whether the ray only looks for light that was sampled for already, and ends there.
     last: bool,
 }
 
 impl<'a> PathTracer<'a> {
-    /// The image function of a prepared scene, with `bounces` diffuse and rough bounces after the first hit.
+    /// The image function of a prepared scene.
     #[must_use]
-    pub fn new(parts: Parts<'a>, camera: CameraRays, bounces: u16, caustics: Caustics) -> Self {
-        Self { parts, camera, bounces, caustics }
+    pub fn new(parts: Parts<'a>, camera: CameraRays, lengths: PathLengths, caustics: Caustics) -> Self {
+        Self { parts, camera, lengths, caustics }
     }
 
     /// Whether a surface with alpha is there for this path: with probability alpha, by a number that belongs to
@@ -241,11 +266,12 @@ impl PathTracer<'_> {
         let query = ShadingQuery {
             cone_width: path.cone_width,
             u_texture: if materials.draws_texels(surface.material) {
-                point.get(Factor::extra(EXTRA_TEXTURE))
+                point.get(Factor::extra(EXTRA_VERTEX + 2 * (path.vertex + path.specular)))
             } else {
                 0.5
             },
             wavelength_nm: path.wavelength_nm,
+            least_alpha: if self.caustics == Caustics::Off { REGULARISED * path.spread } else { 0.0 },
         };
         let shading = Shading::new(scene, materials, &surface, wo, query);
         if let Some(color) = shading.unlit {
@@ -275,7 +301,7 @@ impl PathTracer<'_> {
     /// Samples light and the next direction at a vertex.
     fn scatter(&self, path: &mut Path, surface: &SurfacePoint, shading: &Shading, point: &Point<'_>) -> Next {
         let rough = !shading.bsdf.is_specular_only();
-        let last = path.bounces >= self.bounces;
+        let last = path.bounces >= self.lengths.bounces;
         // A surface with wide lobes at the path's end is lit by sampled light alone: a scattered ray would find the
         // same light no better.
         let finds_light = self.parts.lights.needs_sampling();
@@ -296,7 +322,7 @@ impl PathTracer<'_> {
         if path.specular >= MOST_SPECULAR {
             return Next::End;
         }
-        self.go_on(path, surface, shading, &sample, rough)
+        self.go_on(path, surface, shading, &sample, point)
     }
 
     /// Sets the path's next ray.
@@ -306,7 +332,7 @@ impl PathTracer<'_> {
         surface: &SurfacePoint,
         shading: &Shading,
         sample: &BsdfSample,
-        rough: bool,
+        point: &Point<'_>,
     ) -> Next {
         path.throughput *= sample.throughput;
         if path.throughput.max_element() <= 0.0 {
@@ -316,22 +342,31 @@ impl PathTracer<'_> {
             let entering = sample.wi.dot(surface.geometric_normal) < 0.0;
             path.medium = shading.medium.filter(|_| entering);
         }
-        path.vertex += u16::from(rough);
+        let number = path.vertex + path.specular;
+        path.vertex += u16::from(!shading.bsdf.is_specular_only());
         match sample.scatter {
             Scatter::Specular => {
                 path.specular += 1;
                 path.scattered = None;
-                path.focused = path.bounces > 0;
+                path.focused = path.spread >= BLURS;
             }
             Scatter::Rough => {
-                if path.bounces >= self.bounces {
+                if path.bounces >= self.lengths.bounces {
                     if !self.parts.lights.needs_sampling() {
                         return Next::End;
                     }
                     path.last = true;
                 }
                 path.bounces += 1;
+                let going_on = path.throughput.max_element();
+                if path.bounces > self.lengths.sure && going_on < 1.0 {
+                    if point.get(Factor::extra(EXTRA_VERTEX + 2 * number + 1)) >= going_on {
+                        return Next::End;
+                    }
+                    path.throughput /= going_on;
+                }
                 path.focused = false;
+                path.spread = path.spread.max(sample.alpha);
                 path.scattered =
                     Some((LightQuery::new(surface, &shading.bsdf, path.ray.u_time), sample.pdf_solid_angle));
             }
@@ -364,6 +399,7 @@ impl ImageFunction for PathTracer<'_> {
             vertex: 0,
             bounces: 0,
             specular: 0,
+            spread: 0.0,
             focused: false,
             last: false,
         };

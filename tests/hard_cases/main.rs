@@ -17,6 +17,7 @@ mod materials;
 mod motion_bounds;
 #[path = "../support/moving.rs"]
 mod moving;
+mod paths;
 mod pictures;
 mod self_intersection;
 #[path = "../support/shots.rs"]

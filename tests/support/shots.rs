@@ -35,6 +35,7 @@ pub(crate) fn settings(size: (u32, u32), runs: u32, bounces: u16) -> Settings {
         filter: FilterSpec::BOX,
         texture_filter: TextureFilter::default(),
         bounces,
+        sure_bounces: 2,
         caustics: Caustics::Off,
         aovs: Vec::new(),
     }

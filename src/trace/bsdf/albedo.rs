@@ -329,10 +329,11 @@ pub(super) fn prepare(sheen: bool, anisotropy: bool) {
 fn sheen_mean(cos: f32, roughness: f32) -> f32 {
     let wo = view(cos);
     let mut sum = 0.0_f64;
+    let seen = sheen::Sheen::new(sheen::alpha(roughness), wo.z);
     const N: u32 = 1024;
     for i in 0..N {
         let wi = crate::trace::warp::uniform_hemisphere_from_square(lattice(i, N));
-        sum += f64::from(sheen::value(sheen::alpha(roughness), wo, wi));
+        sum += f64::from(seen.value(wo, wi));
     }
     (sum / f64::from(N) / f64::from(crate::trace::warp::uniform_hemisphere_pdf())) as f32
 }

@@ -5,8 +5,9 @@ mod weights;
 use super::albedo::{GgxAlbedo, Glass};
 use super::fresnel::{dielectric, f0_of, schlick_weight};
 use super::ggx::{Ggx, reflect, refract};
+use super::sheen::Sheen;
 use super::tangent::Basis;
-use super::{BsdfSample, Scatter, sheen};
+use super::{BsdfSample, Scatter};
 use crate::numeric::ONE_MINUS;
 use crate::trace::warp;
 use glam::{Vec2, Vec3, Vec3A};
@@ -51,7 +52,8 @@ pub(super) struct Boundary<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CoatParameters {
     pub(super) factor: f32,
-    pub(super) roughness: f32,
+    /// GGX width.
+    pub(super) alpha: f32,
     pub(super) basis: Basis,
 }
 
@@ -142,7 +144,7 @@ pub struct Bsdf {
     thin: (Vec3, Vec3),
     glass: Option<GlassLobe>,
     coat: Option<Coat>,
-    sheen: Option<(Vec3, f32)>,
+    sheen: Option<(Vec3, Sheen)>,
     /// Probability of each lobe; sums to 1, or to 0 for a black surface.
     chance: [f32; LOBES],
     rough: bool,
@@ -222,8 +224,8 @@ impl Bsdf {
                 if let Some(g) = self.glass.filter(|g| self.chance[GLASS_REFLECTION] > 0.0 && !g.smooth[0]) {
                     add(GLASS_REFLECTION, self.glass_reflection(&g, i));
                 }
-                if let Some((color, alpha)) = self.sheen {
-                    add(SHEEN, (color * sheen::value(alpha, self.o, i), warp::uniform_hemisphere_pdf()));
+                if let Some((color, sheen)) = self.sheen {
+                    add(SHEEN, (color * sheen.value(self.o, i), warp::uniform_hemisphere_pdf()));
                 }
             }
             if let Some(coat) = self.coat.filter(|c| !c.facets.smooth) {

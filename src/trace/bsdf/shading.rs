@@ -18,6 +18,9 @@ pub struct ShadingQuery {
     pub u_texture: f32,
     /// Vacuum wavelength in nanometres, where the path has one: dispersive media then bend by it.
     pub wavelength_nm: Option<f32>,
+    /// The least GGX width that facets are shown with, 0 to 1: narrower ones are widened to it, except on what lets
+    /// light through, where they become a perfectly smooth surface. 0 shows the material as it is.
+    pub least_alpha: f32,
 }
 
 /// A material at one point, seen from one direction.
@@ -49,6 +52,7 @@ struct Reader<'a> {
     materials: &'a Materials,
     uvs: &'a [Vec2],
     footprint: Footprint,
+    least_alpha: f32,
 }
 
 impl Reader<'_> {
@@ -72,7 +76,8 @@ impl Shading {
         let material = &scene.materials[point.material];
         let front = wo.dot(point.geometric_normal) >= 0.0;
         let side = if front { 1.0 } else { -1.0 };
-        let reader = Reader { scene, materials, uvs: &point.uvs, footprint: footprint_of(point, wo, query) };
+        let footprint = footprint_of(point, wo, query);
+        let reader = Reader { scene, materials, uvs: &point.uvs, footprint, least_alpha: query.least_alpha };
         let base = material.base_color * point.color * reader.get(&material.base_color_texture, ColorSpace::Srgb);
         let base_color = base.truncate().max(Vec3::ZERO);
         let medium = materials.medium(point.material).map(|m| dispersed(m, material, query.wavelength_nm));
@@ -177,10 +182,15 @@ fn parameters<'a>(
         let factor = (d.factor * reader.linear(&d.texture).w).clamp(0.0, 1.0);
         (factor, (d.color * reader.color(&d.color_texture)).clamp(Vec3::ZERO, Vec3::ONE))
     });
+    let clear = f.medium.is_some() || transmission > 0.0;
+    let alpha = regularised(alpha, reader.least_alpha, clear);
     let outside = f.side > 0.0 || f.medium.is_none();
     let coat = material.clearcoat.as_ref().filter(|_| outside).map(|c| CoatParameters {
         factor: (c.factor * reader.linear(&c.texture).x).clamp(0.0, 1.0),
-        roughness: (c.roughness * reader.linear(&c.roughness_texture).y).clamp(0.0, 1.0),
+        alpha: {
+            let roughness = (c.roughness * reader.linear(&c.roughness_texture).y).clamp(0.0, 1.0);
+            regularised(Vec2::splat(roughness * roughness), reader.least_alpha, clear).x
+        },
         basis: normal(&c.normal_texture),
     });
     let sheen = material.sheen.as_ref().filter(|s| outside && s.color != Vec3::ZERO).map(|s| {
@@ -203,6 +213,15 @@ fn parameters<'a>(
         diffuse_transmission_color: through.1,
         coat,
         sheen,
+    }
+}
+
+/// GGX widths as [`ShadingQuery::least_alpha`] says.
+fn regularised(alpha: Vec2, least: f32, clear: bool) -> Vec2 {
+    match clear {
+        true if alpha.max_element() < least => Vec2::ZERO,
+        true => alpha,
+        false => alpha.max(Vec2::splat(least)),
     }
 }
 

@@ -18,29 +18,68 @@ pub(super) fn alpha(roughness: f32) -> f32 {
 /// degrees; the albedo that scales the lobe is tabulated from the same value.
 const LEAST_COSINE: f32 = 1e-4;
 
-/// f · cosᵢ of white sheen for directions on the normal's side.
-#[inline]
-pub(super) fn value(alpha: f32, wo: Vec3A, wi: Vec3A) -> f32 {
-    let h = wo + wi;
-    let length2 = h.length_squared();
-    if length2 <= 0.0 || wo.z <= 0.0 || wi.z <= 0.0 {
-        return 0.0;
+/// White sheen of one width, seen from one direction: what does not depend on the light's direction is worked out once.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sheen {
+    inverse: f32,
+    lambda: Lambda,
+    /// 1 + Λ of the viewer's direction.
+    shadowed: f32,
+}
+
+impl Sheen {
+    /// Of width `alpha`, seen at cosine `cos`.
+    pub(super) fn new(alpha: f32, cos: f32) -> Self {
+        let lambda = Lambda::new(alpha);
+        Self { inverse: 1.0 / alpha, shadowed: 1.0 + lambda.at(cos.max(0.0)), lambda }
     }
-    let sin2 = ((h.x * h.x + h.y * h.y) / length2).min(1.0);
-    let inverse = 1.0 / alpha;
-    let density = (2.0 + inverse) * libm::powf(sin2, 0.5 * inverse) / TAU;
-    // V = 1 / ((1 + Λₒ + Λᵢ) 4 cosₒ cosᵢ), times cosᵢ.
-    density / ((1.0 + lambda(wo.z, alpha) + lambda(wi.z, alpha)) * 4.0 * wo.z.max(LEAST_COSINE))
+
+    /// f · cosᵢ for directions on the normal's side; `wo` is the direction of [`Sheen::new`].
+    #[inline]
+    pub(super) fn value(&self, wo: Vec3A, wi: Vec3A) -> f32 {
+        let h = wo + wi;
+        let length2 = h.length_squared();
+        if length2 <= 0.0 || wo.z <= 0.0 || wi.z <= 0.0 {
+            return 0.0;
+        }
+        let sin2 = ((h.x * h.x + h.y * h.y) / length2).min(1.0);
+        let density = (2.0 + self.inverse) * libm::powf(sin2, 0.5 * self.inverse) / TAU;
+        // V = 1 / ((1 + Λₒ + Λᵢ) 4 cosₒ cosᵢ), times cosᵢ.
+        density / ((self.shadowed + self.lambda.at(wi.z)) * 4.0 * wo.z.max(LEAST_COSINE))
+    }
 }
 
 /// Smith's Λ fitted by Estevez and Kulla (2017, §3, table 1 and eq. 3).
-fn lambda(cos: f32, alpha: f32) -> f32 {
-    let l = |x: f32| {
+#[derive(Debug, Clone, Copy)]
+struct Lambda {
+    fit: [f32; 5],
+    /// Twice the fit's value in the middle, about which it is mirrored.
+    middle2: f32,
+}
+
+impl Lambda {
+    fn new(alpha: f32) -> Self {
         let t = (1.0 - alpha) * (1.0 - alpha);
         let mix = |a: f32, b: f32| t * a + (1.0 - t) * b;
-        let (a, b, c) = (mix(25.3245, 21.5473), mix(3.324_35, 3.829_87), mix(0.168_01, 0.198_23));
-        let (d, e) = (mix(-1.273_93, -1.977_6), mix(-4.859_67, -4.320_54));
+        let fit = [
+            mix(25.3245, 21.5473),
+            mix(3.324_35, 3.829_87),
+            mix(0.168_01, 0.198_23),
+            mix(-1.273_93, -1.977_6),
+            mix(-4.859_67, -4.320_54),
+        ];
+        let mut lambda = Self { fit, middle2: 0.0 };
+        lambda.middle2 = 2.0 * lambda.exponent(0.5);
+        lambda
+    }
+
+    fn exponent(&self, x: f32) -> f32 {
+        let [a, b, c, d, e] = self.fit;
         a / (1.0 + b * libm::powf(x, c)) + d * x + e
-    };
-    if cos < 0.5 { libm::expf(l(cos)) } else { libm::expf(2.0 * l(0.5) - l(1.0 - cos)) }
+    }
+
+    #[inline]
+    fn at(&self, cos: f32) -> f32 {
+        libm::expf(if cos < 0.5 { self.exponent(cos) } else { self.middle2 - self.exponent(1.0 - cos) })
+    }
 }

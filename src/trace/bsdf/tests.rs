@@ -102,12 +102,12 @@ fn diffuse_transmission_loses_nothing() {
 #[test]
 fn coats_lose_nothing() {
     white("coat", 0.02, |p, r| {
-        p.coat = Some(CoatParameters { factor: 1.0, roughness: 0.0, basis: p.basis });
+        p.coat = Some(CoatParameters { factor: 1.0, alpha: 0.0, basis: p.basis });
         p.sheen = None;
         p.alpha = Vec2::splat(r * r);
     });
     white("rough coat", 0.02, |p, r| {
-        p.coat = Some(CoatParameters { factor: 0.7, roughness: r, basis: p.basis });
+        p.coat = Some(CoatParameters { factor: 0.7, alpha: r * r, basis: p.basis });
         p.alpha = Vec2::splat(0.16);
     });
 }
@@ -203,7 +203,7 @@ fn chi_squared(drawn: &Bsdf, stated: &Bsdf, n: u32, seed: u64) -> f64 {
 
 fn every_lobe(cos: f32, roughness: f32) -> Vec<(&'static str, Parameters<'static>)> {
     let base = Parameters { alpha: Vec2::splat(roughness * roughness), ..parameters(cos) };
-    let coat = CoatParameters { factor: 1.0, roughness: 0.6, basis: base.basis };
+    let coat = CoatParameters { factor: 1.0, alpha: 0.36, basis: base.basis };
     let tilted = Basis::new(Vec3A::new(0.2, 0.1, 1.0).normalize(), Vec3A::X);
     vec![
         ("dielectric", base),

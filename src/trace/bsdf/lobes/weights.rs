@@ -1,9 +1,10 @@
 //! What each lobe weighs for one view, and how often it is drawn.
 
+use super::super::ALPHA_SPECULAR;
 use super::super::albedo::{self, GgxAlbedo};
 use super::super::fresnel::dielectric;
 use super::super::ggx::{Ggx, refract};
-use super::super::{ALPHA_SPECULAR, sheen};
+use super::super::sheen::{self, Sheen};
 use super::{Boundary, Bsdf, Coat, Facets, GlassLobe, LOBES, Parameters};
 use glam::{Vec2, Vec3, Vec3A};
 
@@ -35,7 +36,7 @@ impl Bsdf {
         let under_coat = (1.0 - coat_albedo).max(0.0);
         let under = under_coat * (1.0 - sheen_most).max(0.0);
         // Sheen at grazing views reflects more than it receives; then it is scaled to reflect all.
-        let sheen = p.sheen.map(|(c, r)| (c * (under_coat / sheen_most.max(1.0)), sheen::alpha(r)));
+        let sheen = p.sheen.map(|(c, r)| (c * (under_coat / sheen_most.max(1.0)), Sheen::new(sheen::alpha(r), o.z)));
 
         let (metal, body) = (under * p.metallic, under * (1.0 - p.metallic));
         let (solid, clear) = (body * (1.0 - p.transmission), body * p.transmission);
@@ -94,11 +95,10 @@ impl Bsdf {
 
     fn coat_of(p: &Parameters<'_>) -> (Option<Coat>, f32) {
         let Some(c) = p.coat.filter(|c| c.factor > 0.0) else { return (None, 0.0) };
-        let alpha = c.roughness * c.roughness;
-        let (ggx, smooth) = widths(Vec2::splat(alpha));
+        let (ggx, smooth) = widths(Vec2::splat(c.alpha));
         let o = c.basis.local(p.wo);
         let o = Vec3A::new(o.x, o.y, o.z.max(f32::MIN_POSITIVE));
-        let e = GgxAlbedo::at(o.z, if smooth { 0.0 } else { c.roughness });
+        let e = GgxAlbedo::at(o.z, if smooth { 0.0 } else { c.alpha.sqrt() });
         let (k0, k1) = (c.factor * COAT_F0, c.factor * (1.0 - COAT_F0));
         let facets = Facets { ggx, smooth, k0: Vec3::splat(k0), k1: Vec3::splat(k1) };
         (Some(Coat { basis: c.basis, o, facets }), k0 * e.mirror + k1 * e.schlick)
