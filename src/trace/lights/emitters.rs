@@ -3,10 +3,11 @@
 //! A triangle whose emission is textured is cut into n² congruent pieces; each piece is a light of its own with the
 //! piece's mean emission, so the choice of a light follows the texture and the point within a piece is uniform.
 
+use super::rectangle::Rectangle;
 use super::tree::Extent;
 use crate::numeric::luminance;
 use crate::scene::motion::segment_at;
-use crate::scene::{Scene, Stage};
+use crate::scene::{AlphaMode, Scene, Stage};
 use crate::trace::bsdf::Materials;
 use crate::trace::surface::MAX_UV_SETS;
 use crate::trace::texture::{ColorSpace, Footprint, mean};
@@ -18,12 +19,36 @@ const MOST_PIECES: usize = 1 << 14;
 /// The least emission that a piece is chosen by, relative to the mean over its texture.
 const LEAST_SHARE: f32 = 0.02;
 
-/// One emissive triangle, or a piece of one.
+/// One emissive triangle, a piece of one, or two that make a rectangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Emitter {
     pub(super) instance: u32,
     pub(super) triangle: u32,
-    pub(super) piece: Piece,
+    piece: Piece,
+    /// What it emits, where that is the same everywhere.
+    pub(super) plain: Option<Vec3>,
+    /// Whether its back shines too.
+    pub(super) double_sided: bool,
+    place: Place,
+}
+
+/// Where an emitter is.
+#[derive(Debug, Clone, Copy)]
+enum Place {
+    /// Where its instance is at the instant asked for.
+    Moving,
+    /// Always there; 1 where the instance keeps the winding of its triangles, −1 where it mirrors them.
+    Triangle([Vec3A; 3], f32),
+    /// Always there, with the next triangle's number.
+    Rectangle(Rectangle, u32),
+}
+
+/// Where an emitter is at an instant.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Shape {
+    /// Corners, and 1 if they run counter-clockwise seen from the front, −1 if clockwise.
+    Triangle([Vec3A; 3], f32),
+    Rectangle(Rectangle),
 }
 
 /// A piece of a triangle cut into `cuts`² congruent ones.
@@ -75,7 +100,7 @@ impl Piece {
     }
 }
 
-/// Where the emitters of one instance begin, and how its triangles are cut.
+/// Where the pieces of one instance begin in [`Emitters::numbers`], and how its triangles are cut.
 #[derive(Debug, Clone, Copy)]
 struct Span {
     first: u32,
@@ -89,6 +114,8 @@ pub(super) struct Emitters {
     pub(super) extents: Vec<Extent>,
     /// By instance; `None` for those that emit nothing.
     spans: Vec<Option<Span>>,
+    /// The emitter of every piece of every emissive triangle.
+    numbers: Vec<u32>,
     /// Instances whose emissive triangles move.
     pub(super) moving_instances: usize,
 }
@@ -141,16 +168,47 @@ impl Emitters {
         let cuts = cuts_of(scene, mesh.material, mesh.triangles.len());
         let times = key_times(stage, number);
         self.moving_instances += usize::from(times.len() > 1);
-        let span = Span { first: self.list.len() as u32, cuts };
+        let span = Span { first: self.numbers.len() as u32, cuts };
+        let plain = (material.emissive_texture.is_none() && material.alpha_mode == AlphaMode::Opaque)
+            .then_some(material.emissive);
+        let still = times.len() == 1;
+        let mut taken = None;
         // A piece that looks black through its 16 points may still hold a bright texel: it keeps a small share.
         let least = LEAST_SHARE * luminance(overall_emission(scene, mesh.material));
         for triangle in 0..mesh.triangles.len() as u32 {
+            if taken.take() == Some(triangle) {
+                continue;
+            }
             let poses: Vec<_> =
                 times.iter().map(|&t| (t, triangle_at(scene, stage, number as u32, triangle, t))).collect();
+            let mut emitter = Emitter {
+                instance: number as u32,
+                triangle,
+                piece: WHOLE,
+                plain,
+                double_sided: material.double_sided,
+                place: Place::Moving,
+            };
+            if still && plain.is_some() && (triangle as usize) + 1 < mesh.triangles.len() {
+                let next = triangle_at(scene, stage, number as u32, triangle + 1, 0.0);
+                let winding = winding(stage, number as u32, 0.0);
+                if let Some(rectangle) = Rectangle::of_triangles(&poses[0].1, &next, winding) {
+                    taken = Some(triangle + 1);
+                    self.numbers.extend([self.list.len() as u32; 2]);
+                    self.list.push(Emitter { place: Place::Rectangle(rectangle, triangle + 1), ..emitter });
+                    self.extents.push(rectangle.extent(luminance(material.emissive), material.double_sided));
+                    continue;
+                }
+            }
             for piece in Piece::all(cuts) {
                 let mean = mean_emission(scene, materials, mesh.material, triangle, mesh, piece);
                 let emission = luminance(mean).max(least);
-                self.list.push(Emitter { instance: number as u32, triangle, piece });
+                if still {
+                    let corners = piece.corners().map(|b| blend(&poses[0].1, b));
+                    emitter.place = Place::Triangle(corners, winding(stage, number as u32, 0.0));
+                }
+                self.numbers.push(self.list.len() as u32);
+                self.list.push(Emitter { piece, ..emitter });
                 self.extents.push(extent_of(&poses, piece, emission, material.double_sided, &instance.motion));
             }
         }
@@ -162,15 +220,32 @@ impl Emitters {
     pub(super) fn find(&self, instance: u32, triangle: u32, b: Vec2) -> Option<usize> {
         let span = self.spans.get(instance as usize).copied().flatten()?;
         let cuts = usize::from(span.cuts);
-        Some(span.first as usize + triangle as usize * cuts * cuts + Piece::at(span.cuts, b).number())
+        let piece = triangle as usize * cuts * cuts + Piece::at(span.cuts, b).number();
+        Some(self.numbers[span.first as usize + piece] as usize)
     }
 
-    /// Corners of emitter `number` at `u_time`.
+    /// Where emitter `number` is at `u_time`.
     #[inline]
-    pub(super) fn corners(&self, scene: &Scene, stage: &Stage, number: usize, u_time: f32) -> [Vec3A; 3] {
+    pub(super) fn shape(&self, scene: &Scene, stage: &Stage, number: usize, u_time: f32) -> Shape {
         let e = &self.list[number];
-        let whole = triangle_at(scene, stage, e.instance, e.triangle, u_time);
-        if e.piece.cuts == 1 { whole } else { e.piece.corners().map(|b| blend(&whole, b)) }
+        match &e.place {
+            Place::Triangle(corners, winding) => Shape::Triangle(*corners, *winding),
+            Place::Rectangle(rectangle, _) => Shape::Rectangle(*rectangle),
+            Place::Moving => {
+                let whole = triangle_at(scene, stage, e.instance, e.triangle, u_time);
+                let corners = if e.piece == WHOLE { whole } else { e.piece.corners().map(|b| blend(&whole, b)) };
+                Shape::Triangle(corners, winding(stage, e.instance, u_time))
+            }
+        }
+    }
+
+    /// The triangle of emitter `number` that holds `place`, a sample's.
+    pub(super) fn triangle_of(&self, number: usize, place: Vec2) -> u32 {
+        let e = &self.list[number];
+        match e.place {
+            Place::Rectangle(_, second) if place.x + place.y > 1.0 => second,
+            _ => e.triangle,
+        }
     }
 
     /// Barycentric weights in the whole triangle of weights `b` in the emitter's own piece.
@@ -179,6 +254,9 @@ impl Emitters {
         p * (1.0 - b.x - b.y) + q * b.x + r * b.y
     }
 }
+
+/// A triangle that is not cut.
+const WHOLE: Piece = Piece { cuts: 1, column: 0, row: 0, inverted: 0 };
 
 fn blend(corners: &[Vec3A; 3], b: Vec2) -> Vec3A {
     corners[0] * (1.0 - b.x - b.y) + corners[1] * b.x + corners[2] * b.y

@@ -7,6 +7,8 @@
 
 mod emitters;
 mod punctual;
+mod rectangle;
+mod spheres;
 mod tree;
 mod triangle;
 
@@ -16,13 +18,15 @@ use super::surface::SurfacePoint;
 use super::texture::Footprint;
 use super::warp::{Side, split};
 use crate::effects::MOST_LIGHTS_VISITED;
-use crate::numeric::gamma;
-use crate::scene::{AlphaMode, Scene, Stage};
-use emitters::{Emitters, attributes_at, winding};
+use crate::numeric::{gamma, mix64, unit_from_bits};
+use crate::scene::{Scene, Stage};
+use emitters::{Emitters, Shape, attributes_at};
 use glam::{Vec2, Vec3, Vec3A};
 use punctual::Nature;
+use rectangle::SeenRectangle;
+use spheres::Spheres;
 use tree::{Receiver, Tree};
-use triangle::SeenTriangle;
+use triangle::{SeenTriangle, ShapeSample};
 
 /// Where light is received.
 #[derive(Debug, Clone, Copy)]
@@ -100,8 +104,10 @@ pub struct Lights<'a> {
     /// Stage lights from infinitely far that are chosen, not visited.
     suns: Vec<usize>,
     visited: Vec<usize>,
-    /// Stage lights that a ray can see.
-    seen: Vec<usize>,
+    /// Spheres as rays see them; each is numbered as in `near`.
+    spheres: Spheres,
+    /// Discs of the sky that a ray can see.
+    discs: Vec<usize>,
     kinds: LightKinds,
 }
 
@@ -117,7 +123,11 @@ impl<'a> Lights<'a> {
         };
         let deltas = of(&[Nature::Point, Nature::Direction]);
         let few = deltas.len() <= MOST_LIGHTS_VISITED;
-        let near = if few { of(&[Nature::Sphere]) } else { of(&[Nature::Sphere, Nature::Point]) };
+        // Spheres first, so that their number among the spheres is that among the near lights.
+        let mut near = of(&[Nature::Sphere]);
+        if !few {
+            near.extend(of(&[Nature::Point]));
+        }
         let suns = if few { of(&[Nature::Disc]) } else { of(&[Nature::Disc, Nature::Direction]) };
         let mut extents = emitters.extents.clone();
         extents.extend(near.iter().map(|&i| punctual::extent(&stage.lights[i])));
@@ -139,7 +149,8 @@ impl<'a> Lights<'a> {
             near,
             suns,
             visited: if few { deltas } else { Vec::new() },
-            seen: of(&[Nature::Sphere, Nature::Disc]),
+            spheres: Spheres::new(stage, &of(&[Nature::Sphere])),
+            discs: of(&[Nature::Disc]),
             kinds,
         }
     }
@@ -226,34 +237,33 @@ impl<'a> Lights<'a> {
     }
 
     fn emitter_sample(&self, number: usize, q: &LightQuery, chance: f32, u: Vec2) -> Option<LightSample> {
-        let emitter = self.emitters.list[number];
-        let corners = self.emitters.corners(self.scene, self.stage, number, q.u_time);
-        let seen = SeenTriangle::new(corners, q.position)?;
-        let mesh =
-            &self.scene.meshes[self.stage.geometries[self.stage.instances[emitter.instance as usize].geometry].mesh];
-        let material = &self.scene.materials[mesh.material];
-        if !material.double_sided && seen.facing() * winding(self.stage, emitter.instance, q.u_time) <= 0.0 {
+        let emitter = &self.emitters.list[number];
+        let seen = SeenShape::new(self.emitters.shape(self.scene, self.stage, number, q.u_time), q.position)?;
+        if !emitter.double_sided && seen.facing() <= 0.0 {
             return None;
         }
         let s = seen.sample(u)?;
-        let plain = material.emissive_texture.is_none() && material.alpha_mode == AlphaMode::Opaque;
-        let radiance = if plain {
-            material.emissive
-        } else {
-            let b = self.emitters.whole_barycentric(number, s.barycentric);
-            let (uvs, alpha) = attributes_at(mesh, emitter.triangle, b);
-            let footprint = Footprint { width: 0.0, u: u.x };
-            self.materials.emission(self.scene, mesh.material, &uvs, footprint)
-                * self.materials.alpha(self.scene, mesh.material, &uvs, alpha, footprint)
-        };
+        let radiance = emitter.plain.unwrap_or_else(|| self.textured_emission(number, s.place, unrelated(u)));
         (radiance != Vec3::ZERO).then(|| LightSample {
             wi: s.wi,
             distance: shortened(s.distance, q.position),
             radiance,
             pdf_solid_angle: s.pdf_solid_angle * chance,
             is_delta: false,
-            emitter: Some((emitter.instance, emitter.triangle)),
+            emitter: Some((emitter.instance, self.emitters.triangle_of(number, s.place))),
         })
+    }
+
+    /// What emitter `number` emits at `barycentric` weights of its own.
+    fn textured_emission(&self, number: usize, barycentric: Vec2, u: f32) -> Vec3 {
+        let emitter = &self.emitters.list[number];
+        let mesh =
+            &self.scene.meshes[self.stage.geometries[self.stage.instances[emitter.instance as usize].geometry].mesh];
+        let b = self.emitters.whole_barycentric(number, barycentric);
+        let (uvs, alpha) = attributes_at(mesh, emitter.triangle, b);
+        let footprint = Footprint { width: 0.0, u };
+        self.materials.emission(self.scene, mesh.material, &uvs, footprint)
+            * self.materials.alpha(self.scene, mesh.material, &uvs, alpha, footprint)
     }
 
     /// Density by solid angle with which [`Lights::sample`] would have drawn `wi` towards the emissive triangle that
@@ -275,36 +285,34 @@ impl<'a> Lights<'a> {
         if chance <= 0.0 {
             return 0.0;
         }
-        let corners = self.emitters.corners(self.scene, self.stage, number, q.u_time);
-        SeenTriangle::new(corners, q.position).map_or(0.0, |seen| chance * seen.pdf(wi, distance))
+        let shape = self.emitters.shape(self.scene, self.stage, number, q.u_time);
+        SeenShape::new(shape, q.position).map_or(0.0, |seen| chance * seen.pdf(wi, distance))
     }
 
     /// What a ray from `q.position` along `wi` sees beside surfaces before `t_max` (infinite for one that escapes):
     /// each light's radiance, with the density by solid angle with which [`Lights::sample`] would have found it.
     pub fn seen(&self, q: &LightQuery, wi: Vec3A, t_max: f32, mut each: impl FnMut(Vec3, f32)) {
         let escaped = t_max == f32::INFINITY;
-        if self.seen.is_empty() && (!escaped || self.environment.is_black()) {
+        let seen = |i: usize| punctual::seen(&self.stage.lights[i], q.position, wi, q.u_time);
+        let r = q.receiver();
+        self.spheres.near(q.position, wi, t_max, q.u_time, |light, number| {
+            if let Some((_, radiance, pdf)) = seen(light).filter(|s| s.0 <= t_max) {
+                let share = self.shares(q, &r).map_or(0.0, |s| s.tree);
+                each(radiance, pdf * share * self.tree.chance(self.emitters.list.len() + number, &r));
+            }
+        });
+        if !escaped || (self.discs.is_empty() && self.environment.is_black()) {
             return;
         }
-        let r = q.receiver();
         let shares = self.shares(q, &r);
-        if escaped && !self.environment.is_black() {
+        if !self.environment.is_black() {
             let share = shares.as_ref().map_or(0.0, |s| s.environment);
             each(self.environment.radiance(wi), share * self.environment.pdf(q.normal, q.sides, wi));
         }
-        for &i in &self.seen {
-            let Some((distance, radiance, pdf)) = punctual::seen(&self.stage.lights[i], q.position, wi, q.u_time)
-            else {
-                continue;
-            };
-            if distance > t_max || (distance == f32::INFINITY && !escaped) {
-                continue;
+        for &i in &self.discs {
+            if let Some((_, radiance, pdf)) = seen(i) {
+                each(radiance, pdf * shares.as_ref().map_or(0.0, |s| s.of_sun(self.sun_irradiance(i, q))));
             }
-            let chance = shares.as_ref().map_or(0.0, |s| match self.near.iter().position(|&n| n == i) {
-                Some(n) => s.tree * self.tree.chance(self.emitters.list.len() + n, &r),
-                None => s.of_sun(self.sun_irradiance(i, q)),
-            });
-            each(radiance, pdf * chance);
         }
     }
 
@@ -319,10 +327,8 @@ impl<'a> Lights<'a> {
     #[must_use]
     pub fn sky(&self, wi: Vec3A, u_time: f32) -> Vec3 {
         let mut sum = self.environment.radiance(wi);
-        for &i in &self.seen {
-            if let Some((distance, radiance, _)) = punctual::seen(&self.stage.lights[i], Vec3A::ZERO, wi, u_time)
-                && distance == f32::INFINITY
-            {
+        for &i in &self.discs {
+            if let Some((_, radiance, _)) = punctual::seen(&self.stage.lights[i], Vec3A::ZERO, wi, u_time) {
                 sum += radiance;
             }
         }
@@ -333,14 +339,13 @@ impl<'a> Lights<'a> {
     #[must_use]
     pub fn spheres(&self, from: Vec3A, wi: Vec3A, t_max: f32, u_time: f32) -> Vec3 {
         let mut sum = Vec3::ZERO;
-        for &i in &self.seen {
+        self.spheres.near(from, wi, t_max, u_time, |i, _| {
             if let Some((distance, radiance, _)) = punctual::seen(&self.stage.lights[i], from, wi, u_time)
                 && distance < t_max
-                && distance.is_finite()
             {
                 sum += radiance;
             }
-        }
+        });
         sum
     }
 
@@ -368,6 +373,51 @@ impl<'a> Lights<'a> {
             (shares.tree, shares.environment, shares.suns) = (only(tree), only(environment), only(suns));
         }
         Some(shares)
+    }
+}
+
+/// A coordinate that is fixed by `u` and yet tells nothing of the place that `u` chose: what draws a texel must not depend
+/// on where in it the point lies.
+#[allow(clippy::cast_possible_truncation, reason = "the upper half is what is wanted")]
+fn unrelated(u: Vec2) -> f32 {
+    unit_from_bits((mix64(u64::from(u.x.to_bits()) << 32 | u64::from(u.y.to_bits())) >> 32) as u32)
+}
+
+/// An emitter's shape as its receiving point sees it.
+enum SeenShape {
+    /// With 1 where the corners run counter-clockwise seen from the front, −1 where clockwise.
+    Triangle(SeenTriangle, f32),
+    Rectangle(SeenRectangle),
+}
+
+impl SeenShape {
+    fn new(shape: Shape, from: Vec3A) -> Option<Self> {
+        match shape {
+            Shape::Triangle(corners, winding) => SeenTriangle::new(corners, from).map(|s| Self::Triangle(s, winding)),
+            Shape::Rectangle(rectangle) => SeenRectangle::new(&rectangle, from).map(Self::Rectangle),
+        }
+    }
+
+    /// Positive where the point is before the front.
+    fn facing(&self) -> f32 {
+        match self {
+            Self::Triangle(seen, winding) => seen.facing() * winding,
+            Self::Rectangle(seen) => seen.facing(),
+        }
+    }
+
+    fn sample(&self, u: Vec2) -> Option<ShapeSample> {
+        match self {
+            Self::Triangle(seen, _) => seen.sample(u),
+            Self::Rectangle(seen) => seen.sample(u),
+        }
+    }
+
+    fn pdf(&self, wi: Vec3A, distance: f32) -> f32 {
+        match self {
+            Self::Triangle(seen, _) => seen.pdf(wi, distance),
+            Self::Rectangle(seen) => seen.pdf(wi, distance),
+        }
     }
 }
 

@@ -16,7 +16,7 @@ use glam::{Affine2, Affine3A, DVec3, Quat};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
-fn stage() -> Stage {
+pub(super) fn stage() -> Stage {
     let camera = StageCamera {
         motion: Motion::still(Affine3A::IDENTITY),
         projection: Projection::Perspective { yfov: 1.0, aspect: None },
@@ -42,12 +42,12 @@ fn quad(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> Vec<Vec3> {
     vec![a, b, c, a, c, d]
 }
 
-fn add_light(stage: &mut Stage, shape: LightShape, intensity: f32, motion: Motion) {
+pub(super) fn add_light(stage: &mut Stage, shape: LightShape, intensity: f32, motion: Motion) {
     let light = Light { name: String::new(), shape, intensity: Vec3::splat(intensity), range: None };
     stage.lights.push(StageLight { light, motion, node: 0 });
 }
 
-fn at(x: f32, y: f32, z: f32) -> Motion {
+pub(super) fn at(x: f32, y: f32, z: f32) -> Motion {
     Motion::still(Affine3A::from_translation(Vec3::new(x, y, z)))
 }
 

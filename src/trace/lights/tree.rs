@@ -3,14 +3,17 @@
 //! Nodes bound their lights in space, orientation and time: boxes at the exposure's opening and close whose linear
 //! blend encloses every light at every instant between. The importance of a node is that of Conty and Kulla (2018,
 //! "Importance Sampling of Many Lights with Adaptive Tree Splitting", §4), and so is the build: splits minimise their
-//! surface area orientation heuristic over binned centres.
+//! surface area orientation heuristic over binned centres. Two levels of the binary tree make one of ours, so that the
+//! four children of a node are weighed at once, in the four lanes of a vector.
 //!
 //! A node is given importance 0 only where none of its lights can reach the point.
 
+mod build;
+
+use crate::numeric::ONE_MINUS;
 use crate::trace::environment::Sides;
-use crate::trace::warp::{Side, split};
-use glam::{Vec2, Vec3, Vec3A};
-use std::f32::consts::PI;
+use build::{cost, partition, union_of};
+use glam::{Vec2, Vec3, Vec3A, Vec4};
 
 /// What a light, or a group of them, looks like from afar.
 #[derive(Debug, Clone, Copy)]
@@ -36,82 +39,114 @@ pub(super) struct Receiver {
     pub(super) u_time: f32,
 }
 
-/// An [`Extent`] as it is evaluated: what does not depend on the receiver is worked out once.
-#[derive(Debug, Clone, Copy)]
-struct Outlook {
-    /// Centre of the box when the exposure opens, and by how much it moves until it closes.
-    centre: Vec3A,
-    travel: Vec3A,
-    /// Half diagonal of the box when the exposure opens, and by how much it changes.
-    half: Vec3A,
-    growth: Vec3A,
-    axis: Vec3A,
-    sin_normals: f32,
-    cos_normals: f32,
-    cos_emission: f32,
-    strength: f32,
-    /// Squared length of `half` where nothing moves; negative where it must be worked out.
-    radius2: f32,
-}
+/// Children of a node.
+const LANES: usize = 4;
 
-impl Outlook {
-    fn new(e: &Extent) -> Self {
-        let centre = |t: usize| Vec3A::from(0.5 * (e.boxes[t][0] + e.boxes[t][1]));
-        let half = |t: usize| Vec3A::from(0.5 * (e.boxes[t][1] - e.boxes[t][0]));
-        let still = e.boxes[0] == e.boxes[1];
-        Self {
-            centre: centre(0),
-            travel: centre(1) - centre(0),
-            half: half(0),
-            growth: half(1) - half(0),
-            axis: Vec3A::from(e.axis),
-            sin_normals: sine(e.cos_normals),
-            cos_normals: e.cos_normals,
-            cos_emission: e.cos_emission,
-            strength: e.strength,
-            radius2: if still { half(0).length_squared() } else { -1.0 },
-        }
-    }
+/// Three coordinates of each of the four children.
+type Triple = [Vec4; 3];
 
-    /// Centre and squared radius at `u_time`.
-    #[inline]
-    fn ball(&self, u_time: f32) -> (Vec3A, f32) {
-        if self.radius2 >= 0.0 {
-            (self.centre, self.radius2)
-        } else {
-            (self.centre + self.travel * u_time, (self.half + self.growth * u_time).length_squared())
-        }
-    }
-}
-
+/// The [`Extent`]s of four children as they are evaluated, lane by lane.
 #[derive(Debug, Clone, Copy)]
 struct Node {
-    outlook: Outlook,
-    parent: u32,
-    /// First of two neighbouring children, or the light's index with [`LEAF`] set.
-    child: u32,
+    /// Centres of the boxes when the exposure opens, and half their diagonals squared.
+    centre: Triple,
+    radius2: Vec4,
+    axis: Triple,
+    sin_normals: Vec4,
+    cos_normals: Vec4,
+    cos_emission: Vec4,
+    /// 0 for lanes without a child.
+    strength: Vec4,
+    /// Nodes, or lights with [`LEAF`] set.
+    children: [u32; LANES],
+    /// The parent's index times [`LANES`] plus the lane there.
+    place: u32,
+    /// Index into [`Tree::motions`], or [`STILL`].
+    motion: u32,
+}
+
+/// How the boxes of four children move.
+#[derive(Debug, Clone, Copy)]
+struct Sway {
+    /// By how much the centres move until the exposure closes.
+    travel: Triple,
+    /// Half diagonals when the exposure opens, and by how much they change.
+    half: Triple,
+    growth: Triple,
 }
 
 const LEAF: u32 = 1 << 31;
+const STILL: u32 = u32::MAX;
 
-/// The tree. Node 0 is the root; siblings are neighbours.
+/// The tree. Node 0 is the root.
 #[derive(Debug, Default)]
 pub(super) struct Tree {
     nodes: Vec<Node>,
-    /// By light: its leaf.
+    motions: Vec<Sway>,
+    /// By light: its node's index times [`LANES`] plus its lane.
     leaves: Vec<u32>,
     /// The strongest light's strength, which is 1 in the nodes.
     unit: f32,
 }
 
+/// A node of the binary tree that the build makes.
+struct Branch {
+    extent: Extent,
+    /// First of two neighbouring children, or the light with [`LEAF`] set.
+    child: u32,
+}
+
+/// The binary tree over `lights`, root first.
+fn branches(lights: &[Extent]) -> Vec<Branch> {
+    let mut order: Vec<u32> = (0..index(lights.len())).collect();
+    let mut all = Vec::with_capacity(lights.len() * 2);
+    all.push(Branch { extent: lights[0], child: LEAF });
+    // An explicit stack: a chain of nested lights must not exhaust the thread's.
+    let mut pending = vec![(0_usize, 0_usize, order.len(), 0_u32)];
+    while let Some((branch, low, high, depth)) = pending.pop() {
+        let items = &mut order[low..high];
+        if let [light] = *items {
+            all[branch] = Branch { extent: lights[light as usize], child: LEAF | light };
+            continue;
+        }
+        let child = all.len();
+        all[branch] = Branch { extent: union_of(lights, items), child: index(child) };
+        let middle = low + partition(lights, items, depth);
+        all.extend((0..2).map(|_| Branch { extent: lights[0], child: LEAF }));
+        pending.push((child, low, middle, depth + 1));
+        pending.push((child + 1, middle, high, depth + 1));
+    }
+    all
+}
+
+/// The up to four branches below `branch`: the costliest is opened until there are four.
+fn opened(all: &[Branch], branch: usize) -> Vec<usize> {
+    let child = all[branch].child;
+    if child & LEAF != 0 {
+        return vec![branch];
+    }
+    let mut lanes = vec![child as usize, child as usize + 1];
+    while lanes.len() < LANES {
+        let inner = (0..lanes.len()).filter(|&i| all[lanes[i]].child & LEAF == 0);
+        let Some(widest) = inner.max_by(|&a, &b| cost(&all[lanes[a]].extent).total_cmp(&cost(&all[lanes[b]].extent)))
+        else {
+            break;
+        };
+        let child = all[lanes[widest]].child as usize;
+        lanes[widest] = child;
+        lanes.push(child + 1);
+    }
+    lanes
+}
+
 impl Tree {
     /// Builds over `lights`; strengths are finite, those of 0 keep a leaf that is never chosen.
     pub(super) fn new(lights: &[Extent]) -> Self {
-        let mut tree = Self { nodes: Vec::with_capacity(lights.len() * 2), leaves: vec![0; lights.len()], unit: 1.0 };
+        let mut tree = Self { leaves: vec![0; lights.len()], unit: 1.0, ..Self::default() };
         if lights.is_empty() {
             return tree;
         }
-        assert!(lights.len() < LEAF as usize / 2, "node indices have 31 bits");
+        assert!(lights.len() < LEAF as usize / (2 * LANES), "places have 31 bits");
         // Only ratios matter; scaled so, no sum overflows.
         let most = lights.iter().fold(0.0_f32, |m, l| m.max(l.strength)).max(f32::MIN_POSITIVE);
         tree.unit = most;
@@ -122,34 +157,66 @@ impl Tree {
                 ..*l
             })
             .collect();
-        let mut order: Vec<u32> = (0..index(lights.len())).collect();
-        let blank = Outlook::new(&scaled[0]);
-        tree.nodes.push(Node { outlook: blank, parent: 0, child: 0 });
-        // An explicit stack: a chain of nested lights must not exhaust the thread's.
-        let mut pending = vec![(0_usize, 0_usize, order.len(), 0_u32)];
-        while let Some((node, low, high, depth)) = pending.pop() {
-            let items = &mut order[low..high];
-            if let [light] = *items {
-                tree.nodes[node].outlook = Outlook::new(&scaled[light as usize]);
-                tree.nodes[node].child = LEAF | light;
-                tree.leaves[light as usize] = index(node);
-                continue;
+        let all = branches(&scaled);
+        // Breadth first, so that nodes near the root are neighbours.
+        let mut pending = std::collections::VecDeque::from([(0_usize, 0_u32)]);
+        while let Some((branch, place)) = pending.pop_front() {
+            let number = tree.nodes.len();
+            if number > 0 {
+                let parent = &mut tree.nodes[place as usize / LANES];
+                parent.children[place as usize % LANES] = index(number);
             }
-            tree.nodes[node].outlook = Outlook::new(&union_of(&scaled, items));
-            let middle = low + partition(&scaled, items, depth);
-            let child = tree.nodes.len();
-            tree.nodes[node].child = index(child);
-            let child_node = Node { outlook: blank, parent: index(node), child: 0 };
-            tree.nodes.extend([child_node, child_node]);
-            pending.push((child, low, middle, depth + 1));
-            pending.push((child + 1, middle, high, depth + 1));
+            let lanes = opened(&all, branch);
+            let extents: Vec<&Extent> = lanes.iter().map(|&b| &all[b].extent).collect();
+            let mut node = tree.node(&extents, place);
+            for (lane, &b) in lanes.iter().enumerate() {
+                let at = index(number * LANES + lane);
+                if all[b].child & LEAF == 0 {
+                    pending.push_back((b, at));
+                } else {
+                    node.children[lane] = all[b].child;
+                    tree.leaves[(all[b].child & !LEAF) as usize] = at;
+                }
+            }
+            tree.nodes.push(node);
         }
         tree
     }
 
+    /// The node of `extents`, whose motions it stores.
+    fn node(&mut self, extents: &[&Extent], place: u32) -> Node {
+        let lanes = |value: &dyn Fn(&Extent) -> f32| {
+            Vec4::from_array(std::array::from_fn(|i| extents.get(i).map_or(0.0, |e| value(e))))
+        };
+        let triple =
+            |value: &dyn Fn(&Extent) -> Vec3| -> Triple { std::array::from_fn(|axis| lanes(&|e| value(e)[axis])) };
+        let centre = |e: &Extent, t: usize| 0.5 * (e.boxes[t][0] + e.boxes[t][1]);
+        let half = |e: &Extent, t: usize| 0.5 * (e.boxes[t][1] - e.boxes[t][0]);
+        let still = extents.iter().all(|e| e.boxes[0] == e.boxes[1]);
+        if !still {
+            self.motions.push(Sway {
+                travel: triple(&|e| centre(e, 1) - centre(e, 0)),
+                half: triple(&|e| half(e, 0)),
+                growth: triple(&|e| half(e, 1) - half(e, 0)),
+            });
+        }
+        Node {
+            centre: triple(&|e| centre(e, 0)),
+            radius2: lanes(&|e| half(e, 0).length_squared()),
+            axis: triple(&|e| e.axis),
+            sin_normals: lanes(&|e| (1.0 - e.cos_normals * e.cos_normals).max(0.0).sqrt()),
+            cos_normals: lanes(&|e| e.cos_normals),
+            cos_emission: lanes(&|e| e.cos_emission),
+            strength: lanes(&|e| e.strength),
+            children: [LEAF; LANES],
+            place,
+            motion: if still { STILL } else { index(self.motions.len() - 1) },
+        }
+    }
+
     /// Irradiance that the whole tree may give at `r`.
     pub(super) fn importance(&self, r: &Receiver) -> f32 {
-        self.nodes.first().map_or(0.0, |n| self.unit * importance(&n.outlook, r))
+        self.nodes.first().map_or(0.0, |n| self.unit * sum(self.weights(n, r)))
     }
 
     /// Chooses a light: its index, the probability, and `u` rescaled so that it can place a point on the light.
@@ -157,229 +224,124 @@ impl Tree {
     /// Levels take turns with the two coordinates, so that neither runs out of digits first.
     pub(super) fn choose(&self, r: &Receiver, u: Vec2) -> Option<(usize, f32, Vec2)> {
         let (mut node, mut chance, mut u) = (self.nodes.first()?, 1.0_f32, u);
-        if importance(&node.outlook, r) <= 0.0 {
-            return None;
-        }
-        while node.child & LEAF == 0 {
-            let pair = &self.nodes[node.child as usize..node.child as usize + 2];
-            let share = first_share(&pair[0].outlook, &pair[1].outlook, r)?;
-            let (side, rest) = split(u.x, share);
+        loop {
+            let weights = self.weights(node, r);
+            let total = sum(weights);
+            if total <= 0.0 {
+                return None;
+            }
+            let (lane, weight, rest) = picked(weights.to_array(), u.x * total);
+            chance *= weight / total;
             u = Vec2::new(u.y, rest);
-            (node, chance) = match side {
-                Side::First => (&pair[0], chance * share),
-                Side::Second => (&pair[1], chance * (1.0 - share)),
-            };
+            let child = node.children[lane];
+            if child & LEAF != 0 {
+                return Some(((child & !LEAF) as usize, chance, u));
+            }
+            node = &self.nodes[child as usize];
         }
-        Some(((node.child & !LEAF) as usize, chance, u))
     }
 
     /// Probability with which [`Tree::choose`] finds `light`.
     pub(super) fn chance(&self, light: usize, r: &Receiver) -> f32 {
-        if importance(&self.nodes[0].outlook, r) <= 0.0 {
-            return 0.0;
+        let (mut place, mut chance) = (self.leaves[light] as usize, 1.0_f32);
+        loop {
+            let node = &self.nodes[place / LANES];
+            let weights = self.weights(node, r);
+            let total = sum(weights);
+            if total <= 0.0 {
+                return 0.0;
+            }
+            chance *= weights.to_array()[place % LANES] / total;
+            if place < LANES {
+                return chance;
+            }
+            place = node.place as usize;
         }
-        let (mut node, mut chance) = (self.leaves[light], 1.0_f32);
-        while node != 0 {
-            let parent = self.nodes[node as usize].parent;
-            let first = self.nodes[parent as usize].child;
-            let pair = &self.nodes[first as usize..first as usize + 2];
-            let Some(share) = first_share(&pair[0].outlook, &pair[1].outlook, r) else { return 0.0 };
-            chance *= if node == first { share } else { 1.0 - share };
-            node = parent;
+    }
+
+    /// Importance of a node's four children.
+    ///
+    /// After Conty and Kulla (2018), eq. 3: strength × cosines at both ends / distance², with means where they take
+    /// bounds. Over a box of half diagonal r the squared distance averages to d² + r²/3. Their bounds on the cosines
+    /// decide whether anything can arrive at all; the estimate is the mean of the bound and the cosine at the centre,
+    /// which does not take every wide node for one that faces the point.
+    #[inline]
+    fn weights(&self, node: &Node, r: &Receiver) -> Vec4 {
+        let (mut centre, mut radius2) = (node.centre, node.radius2);
+        if node.motion != STILL {
+            let sway = &self.motions[node.motion as usize];
+            let at = |from: &Triple, by: &Triple, axis: usize| from[axis] + by[axis] * r.u_time;
+            centre = std::array::from_fn(|axis| at(&centre, &sway.travel, axis));
+            let half: Triple = std::array::from_fn(|axis| at(&sway.half, &sway.growth, axis));
+            radius2 = dot(&half, &half);
         }
-        chance
+        let to: Triple = std::array::from_fn(|axis| centre[axis] - Vec4::splat(r.position[axis]));
+        let distance2 = dot(&to, &to);
+        let least = Vec4::splat(f32::MIN_POSITIVE);
+        let mean2 = (distance2 + radius2 * (1.0 / 3.0)).max(least);
+        let inverse = Vec4::ONE / distance2.max(least).sqrt();
+        let facing = cos_difference(-dot(&node.axis, &to) * inverse, node.sin_normals, node.cos_normals);
+        let normal: Triple = std::array::from_fn(|axis| Vec4::splat(r.normal[axis]));
+        let cos_receiver = dot(&normal, &to) * inverse;
+        let cos_receiver = if r.sides == Sides::Both { cos_receiver.abs() } else { cos_receiver };
+        // From inside the bounding sphere lights lie in every direction.
+        let outside = distance2.cmpgt(radius2);
+        let sin2 = Vec4::select(outside, radius2 * inverse * inverse, Vec4::ZERO);
+        let (sin_bounds, cos_bounds) = (sin2.sqrt(), (Vec4::ONE - sin2).max(Vec4::ZERO).sqrt());
+        let bound = |cos: Vec4| Vec4::select(outside, cos_difference(cos, sin_bounds, cos_bounds), Vec4::ONE);
+        let (leaving, arriving) = (bound(facing), bound(cos_receiver));
+        // Where emission goes beyond a right angle from the normal, the cosine is no measure of it.
+        let mean = |at_centre: Vec4, bound: Vec4| 0.5 * (at_centre.max(Vec4::ZERO) + bound.max(Vec4::ZERO));
+        let weight = node.strength * mean(facing, leaving) * mean(cos_receiver, arriving) / mean2;
+        let reaches = leaving.cmpgt(node.cos_emission) & arriving.cmpgt(Vec4::ZERO);
+        let weight = Vec4::select(reaches, weight, Vec4::ZERO);
+        let weight = Vec4::select(distance2.cmple(least), node.strength / mean2, weight);
+        // Four of them must have a finite sum.
+        weight.min(Vec4::splat(MOST_WEIGHT))
     }
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "Tree::new bounds the number of lights below 2³⁰")]
+const MOST_WEIGHT: f32 = 1e37;
+
+#[allow(clippy::cast_possible_truncation, reason = "Tree::new bounds the number of lights below 2²⁸")]
 const fn index(i: usize) -> u32 {
     i as u32
 }
 
-/// Share of the first of two siblings; `None` where neither can reach the receiver.
+/// The lane that `target`, from 0 to the sum of `weights`, falls on, its weight, and where in it, [0, 1).
 #[inline]
-fn first_share(a: &Outlook, b: &Outlook, r: &Receiver) -> Option<f32> {
-    let (ia, ib) = (importance(a, r), importance(b, r));
-    let sum = ia + ib;
-    // Both may be tiny; only their ratio matters.
-    if sum > 0.0 { Some(if sum.is_finite() { ia / sum } else { 0.5 }) } else { None }
+fn picked(weights: [f32; LANES], target: f32) -> (usize, f32, f32) {
+    let mut below = 0.0;
+    let mut last = (0, weights[0], ONE_MINUS);
+    for (lane, &weight) in weights.iter().enumerate() {
+        if weight <= 0.0 {
+            continue;
+        }
+        if target < below + weight {
+            return (lane, weight, ((target - below) / weight).clamp(0.0, ONE_MINUS));
+        }
+        below += weight;
+        last = (lane, weight, ONE_MINUS);
+    }
+    // The running sum may round to just below the target.
+    last
+}
+
+/// The sum of the lanes, in one order on every machine.
+#[inline]
+fn sum(lanes: Vec4) -> f32 {
+    let [a, b, c, d] = lanes.to_array();
+    (a + b) + (c + d)
+}
+
+#[inline]
+fn dot(a: &Triple, b: &Triple) -> Vec4 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// cos(max(0, a − b)) of two angles, a given by its cosine, b by sine and cosine.
 #[inline]
-fn cos_difference(cos_a: f32, sin_b: f32, cos_b: f32) -> f32 {
-    if cos_a >= cos_b { 1.0 } else { cos_a * cos_b + sine(cos_a) * sin_b }
-}
-
-#[inline]
-fn sine(cos: f32) -> f32 {
-    (1.0 - cos * cos).max(0.0).sqrt()
-}
-
-/// After Conty and Kulla (2018), eq. 3: strength × cosines at both ends / distance², with means where they take
-/// bounds.
-///
-/// Over a box of half diagonal r the squared distance averages to d² + r²/3. Their bounds on the cosines decide
-/// whether anything can arrive at all; the estimate is the mean of the bound and the cosine at the centre, which does
-/// not take every wide node for one that faces the point.
-#[inline]
-fn importance(e: &Outlook, r: &Receiver) -> f32 {
-    let (centre, radius2) = e.ball(r.u_time);
-    let to = centre - r.position;
-    let distance2 = to.length_squared();
-    let mean2 = (distance2 + radius2 * (1.0 / 3.0)).max(f32::MIN_POSITIVE);
-    if distance2 <= f32::MIN_POSITIVE {
-        return e.strength / mean2;
-    }
-    let inverse = 1.0 / distance2.sqrt();
-    let cos_light = -e.axis.dot(to) * inverse;
-    let facing = cos_difference(cos_light, e.sin_normals, e.cos_normals);
-    let cos_receiver = r.normal.dot(to) * inverse;
-    let cos_receiver = if r.sides == Sides::Both { cos_receiver.abs() } else { cos_receiver };
-    // From inside the bounding sphere lights lie in every direction.
-    let (leaving, arriving) = if distance2 > radius2 {
-        let sin2 = radius2 * inverse * inverse;
-        let (sin_bounds, cos_bounds) = (sin2.sqrt(), (1.0 - sin2).max(0.0).sqrt());
-        (cos_difference(facing, sin_bounds, cos_bounds), cos_difference(cos_receiver, sin_bounds, cos_bounds))
-    } else {
-        (1.0, 1.0)
-    };
-    if leaving <= e.cos_emission || arriving <= 0.0 {
-        return 0.0;
-    }
-    // Where emission goes beyond a right angle from the normal, the cosine is no measure of it.
-    let mean = |at_centre: f32, bound: f32| 0.5 * (at_centre.max(0.0) + bound.max(0.0));
-    e.strength * mean(facing, leaving) * mean(cos_receiver, arriving) / mean2
-}
-
-fn union_of(lights: &[Extent], items: &[u32]) -> Extent {
-    let mut all = lights[items[0] as usize];
-    for &i in &items[1..] {
-        all = union(&all, &lights[i as usize]);
-    }
-    all
-}
-
-fn union(a: &Extent, b: &Extent) -> Extent {
-    let boxes = std::array::from_fn(|t| [a.boxes[t][0].min(b.boxes[t][0]), a.boxes[t][1].max(b.boxes[t][1])]);
-    let strength = a.strength + b.strength;
-    let (axis, cos_normals) = cone_union(a, b);
-    Extent { boxes, axis, cos_normals, cos_emission: a.cos_emission.min(b.cos_emission), strength }
-}
-
-/// The least cone that holds two, rounded outwards.
-fn cone_union(a: &Extent, b: &Extent) -> (Vec3, f32) {
-    let (a, b) = if a.cos_normals <= b.cos_normals { (a, b) } else { (b, a) };
-    if a.cos_normals <= -1.0 {
-        return (a.axis, -1.0);
-    }
-    let between = libm::acosf(a.axis.dot(b.axis).clamp(-1.0, 1.0));
-    let (theta_a, theta_b) = (libm::acosf(a.cos_normals.min(1.0)), libm::acosf(b.cos_normals.min(1.0)));
-    if between + theta_b <= theta_a {
-        return (a.axis, a.cos_normals);
-    }
-    // acos near 1 errs by up to √(2 u) = 3.5e-4; widening by that keeps every normal inside.
-    let theta = 0.5 * (theta_a + between + theta_b) + 3.5e-4;
-    let side = a.axis.cross(b.axis);
-    if theta >= PI || side.length_squared() <= 0.0 {
-        return (a.axis, if theta >= PI || between > 1.0 { -1.0 } else { libm::cosf(theta) });
-    }
-    let turn = theta - theta_a;
-    let (sin, cos) = crate::numeric::sin_cos(turn);
-    let across = side.cross(a.axis).normalize();
-    ((a.axis * cos + across * sin).normalize(), libm::cosf(theta + 3.5e-4).max(-1.0))
-}
-
-const BINS: usize = 12;
-
-/// Reorders `items` about the best split; how many come first, at least 1 and not all.
-fn partition(lights: &[Extent], items: &mut [u32], depth: u32) -> usize {
-    let half = items.len() / 2;
-    let centre = |i: u32| {
-        let b = &lights[i as usize].boxes;
-        b[0][0] + b[0][1] + b[1][0] + b[1][1]
-    };
-    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for &i in items.iter() {
-        (low, high) = (low.min(centre(i)), high.max(centre(i)));
-    }
-    let size = high - low;
-    // Very deep trees come from strengths that grow geometrically; halving bounds the depth by that plus log₂ n.
-    const DEEPEST: u32 = 40;
-    if size.max_element() <= 0.0 || !size.max_element().is_finite() || depth > DEEPEST {
-        let axis = size.max_position();
-        items.select_nth_unstable_by(half, |&a, &b| centre(a)[axis].total_cmp(&centre(b)[axis]).then(a.cmp(&b)));
-        return half;
-    }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a bin index")]
-    let bin = |i: u32, axis: usize| (((centre(i)[axis] - low[axis]) / size[axis] * BINS as f32) as usize).min(BINS - 1);
-    let mut best: Option<(f32, usize, usize)> = None;
-    // All three axes where it is cheap; the longest alone for the few large nodes at the top.
-    let longest = size.max_position();
-    for axis in 0..3 {
-        if size[axis] <= 0.0 || (items.len() > 4096 && axis != longest) {
-            continue;
-        }
-        let mut bins: [Option<Extent>; BINS] = [None; BINS];
-        for &i in items.iter() {
-            let slot = &mut bins[bin(i, axis)];
-            let light = &lights[i as usize];
-            *slot = Some(slot.map_or(*light, |e| union(&e, light)));
-        }
-        let stretch = size.max_element() / size[axis];
-        for (cut, cost) in cut_costs(&bins) {
-            let cost = cost * stretch;
-            if best.is_none_or(|(least, ..)| cost < least) {
-                best = Some((cost, axis, cut));
-            }
-        }
-    }
-    if let Some((_, axis, cut)) = best {
-        let mut first = 0;
-        for i in 0..items.len() {
-            if bin(items[i], axis) < cut {
-                items.swap(first, i);
-                first += 1;
-            }
-        }
-        if first > 0 && first < items.len() {
-            return first;
-        }
-    }
-    items.select_nth_unstable_by(half, |&a, &b| centre(a)[longest].total_cmp(&centre(b)[longest]).then(a.cmp(&b)));
-    half
-}
-
-/// The orientation heuristic's cost of cutting before each bin that leaves something on both sides.
-fn cut_costs(bins: &[Option<Extent>; BINS]) -> impl Iterator<Item = (usize, f32)> {
-    let join = |a: Option<Extent>, b: Option<Extent>| match (a, b) {
-        (Some(a), Some(b)) => Some(union(&a, &b)),
-        (a, b) => a.or(b),
-    };
-    let mut costs = [None; BINS];
-    let mut left = None;
-    for cut in 1..BINS {
-        left = join(left, bins[cut - 1]);
-        costs[cut] = left.as_ref().map(cost);
-    }
-    let mut right = None;
-    for cut in (1..BINS).rev() {
-        right = join(bins[cut], right);
-        costs[cut] = costs[cut].zip(right.as_ref().map(cost)).map(|(a, b)| a + b);
-    }
-    costs.into_iter().enumerate().filter_map(|(cut, c)| c.map(|c| (cut, c)))
-}
-
-/// Conty and Kulla (2018), eq. 1: strength × surface area × measure of the emission's directions.
-fn cost(e: &Extent) -> f32 {
-    let area = |b: &[Vec3; 2]| {
-        let s = b[1] - b[0];
-        2.0 * (s.x * s.y + s.y * s.z + s.z * s.x)
-    };
-    let o = libm::acosf(e.cos_normals.clamp(-1.0, 1.0));
-    let w = (o + libm::acosf(e.cos_emission.clamp(-1.0, 1.0))).min(PI);
-    let sin_o = libm::sinf(o);
-    let measure = 2.0 * PI * (1.0 - e.cos_normals)
-        + 0.5 * PI * (2.0 * w * sin_o - libm::cosf(o - 2.0 * w) - 2.0 * o * sin_o + e.cos_normals);
-    e.strength * measure * 0.5 * (area(&e.boxes[0]) + area(&e.boxes[1]))
+fn cos_difference(cos_a: Vec4, sin_b: Vec4, cos_b: Vec4) -> Vec4 {
+    let sin_a = (Vec4::ONE - cos_a * cos_a).max(Vec4::ZERO).sqrt();
+    Vec4::select(cos_a.cmpge(cos_b), Vec4::ONE, cos_a * cos_b + sin_a * sin_b)
 }

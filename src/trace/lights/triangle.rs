@@ -2,12 +2,11 @@
 
 use crate::trace::warp::{tangents_of, triangle_from_square, uniform_hemisphere_from_square, uniform_hemisphere_pdf};
 use glam::{DVec3, Vec2, Vec3A};
-use std::f64::consts::PI;
 
 /// Least solid angle, sr, that is sampled as a spherical triangle. Below, the triangle is 2.5 degrees wide or seen
 /// edge-on, the density hardly varies over it, and area sampling costs a tenth. (In f64 the spherical formulas would
 /// hold to 1e-9 sr: the limit is one of cost, where that of f32 would be one of accuracy, 1000 γ₁₆.)
-const LEAST_SOLID_ANGLE: f32 = 1e-3;
+pub(super) const LEAST_SOLID_ANGLE: f32 = 1e-3;
 
 /// Greatest solid angle that is sampled as a spherical triangle: beyond, the point all but touches the triangle and
 /// its edges run through opposite directions, which leaves arcs undefined. Then the whole half space before the
@@ -32,14 +31,14 @@ pub(super) struct SeenTriangle {
     solid_angle: f32,
 }
 
-/// A point on a seen triangle.
+/// A point on a seen triangle or rectangle.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct TriangleSample {
+pub(super) struct ShapeSample {
     /// Unit direction from the point.
     pub(super) wi: Vec3A,
     pub(super) distance: f32,
-    /// Barycentric weights of the second and third corner.
-    pub(super) barycentric: Vec2,
+    /// Barycentric weights of the second and third corner; of a rectangle, the parts of its two edges.
+    pub(super) place: Vec2,
     pub(super) pdf_solid_angle: f32,
 }
 
@@ -60,8 +59,7 @@ impl SeenTriangle {
         let (la, lb, lc) = (da.length(), db.length(), dc.length());
         let volume = da.dot((db - da).cross(dc - da)).abs();
         let below = la * lb * lc + da.dot(db) * lc + db.dot(dc) * la + dc.dot(da) * lb;
-        #[allow(clippy::cast_possible_truncation, reason = "an angle, rounded once")]
-        let solid_angle = 2.0 * libm::atan2(volume, below) as f32;
+        let solid_angle = 2.0 * angle_of(volume, below);
         Some(Self { corners: [a, b, c], normal2, solid_angle })
     }
 
@@ -98,7 +96,7 @@ impl SeenTriangle {
 
     /// A direction towards the triangle.
     #[inline]
-    pub(super) fn sample(&self, u: Vec2) -> Option<TriangleSample> {
+    pub(super) fn sample(&self, u: Vec2) -> Option<ShapeSample> {
         let wi = match self.way() {
             Way::Area => return self.by_area(u),
             Way::SolidAngle => self.spherical(u)?,
@@ -109,10 +107,10 @@ impl SeenTriangle {
             return None;
         }
         let barycentric = self.barycentric(wi * distance);
-        Some(TriangleSample { wi, distance, barycentric, pdf_solid_angle: self.pdf(wi, distance) })
+        Some(ShapeSample { wi, distance, place: barycentric, pdf_solid_angle: self.pdf(wi, distance) })
     }
 
-    fn by_area(&self, u: Vec2) -> Option<TriangleSample> {
+    fn by_area(&self, u: Vec2) -> Option<ShapeSample> {
         let barycentric = triangle_from_square(u);
         let [a, b, c] = self.corners;
         let to = a * (1.0 - barycentric.x - barycentric.y) + b * barycentric.x + c * barycentric.y;
@@ -122,7 +120,7 @@ impl SeenTriangle {
         }
         let wi = to / distance;
         let pdf_solid_angle = self.pdf(wi, distance);
-        (pdf_solid_angle > 0.0).then_some(TriangleSample { wi, distance, barycentric, pdf_solid_angle })
+        (pdf_solid_angle > 0.0).then_some(ShapeSample { wi, distance, place: barycentric, pdf_solid_angle })
     }
 
     /// A direction uniform over the half space before the plane; `None` beside the triangle.
@@ -167,17 +165,13 @@ impl SeenTriangle {
             (c, a, b)
         };
         let normal_of = |x: DVec3, y: DVec3| x.cross(y).try_normalize();
-        let (ab, bc, ca) = (normal_of(a, b)?, normal_of(b, c)?, normal_of(c, a)?);
-        let alpha = angle_between(ab, -ca);
-        let beta = angle_between(bc, -ab);
-        let gamma = angle_between(ca, -bc);
-        // The part of the area that lies before the sampled arc through b.
-        let x = f64::from(u.x);
-        let area = PI * (1.0 - x) + (alpha + beta + gamma) * x;
-        let (sin_alpha, cos_alpha) = libm::sincos(alpha);
-        let (sin_area, cos_area) = libm::sincos(area);
-        let sin_phi = sin_area * cos_alpha - cos_area * sin_alpha;
-        let cos_phi = cos_area * cos_alpha + sin_area * sin_alpha;
+        let (ab, ca) = (normal_of(a, b)?, normal_of(c, a)?);
+        let (sin_alpha, cos_alpha) = (ab.cross(ca).length(), -ab.dot(ca));
+        // The part of the area that lies before the sampled arc through b; the angle φ − α of Arvo's formulas is that
+        // and π.
+        let (sin_area, cos_area) = libm::sincos(f64::from(u.x) * f64::from(self.solid_angle));
+        let sin_phi = cos_area * sin_alpha - sin_area * cos_alpha;
+        let cos_phi = -cos_area * cos_alpha - sin_area * sin_alpha;
         let k1 = cos_phi + cos_alpha;
         let k2 = sin_phi - sin_alpha * a.dot(b);
         let below = (k2 * sin_phi + k1 * cos_phi) * sin_alpha;
@@ -196,6 +190,9 @@ impl SeenTriangle {
     }
 }
 
-fn angle_between(a: DVec3, b: DVec3) -> f64 {
-    libm::atan2(a.cross(b).length(), a.dot(b))
+/// The angle of the vector (`x`, `y`), radians, from −π to π: of numbers of any size, in the precision of the result.
+#[allow(clippy::cast_possible_truncation, reason = "their ratio is what counts, and f32 keeps it")]
+pub(super) fn angle_of(y: f64, x: f64) -> f32 {
+    let size = x.abs().max(y.abs());
+    if size > 0.0 { libm::atan2f((y / size) as f32, (x / size) as f32) } else { 0.0 }
 }

@@ -1,0 +1,178 @@
+//! Sampling a rectangle seen from a point: by solid angle where it is large, by area where it is tiny.
+//!
+//! After Ureña, Fajardo and King (2013, "An Area-Preserving Parametrization for Spherical Rectangles"), in f64, with the
+//! angles of the spherical rectangle replaced by their sines and cosines: one arc tangent and one sine remain.
+
+use super::tree::Extent;
+use super::triangle::{LEAST_SOLID_ANGLE, ShapeSample, angle_of};
+use crate::numeric::gamma;
+use glam::{DVec3, Vec2, Vec3A};
+use std::f32::consts::TAU;
+
+/// A rectangle in the world: a corner and the two edges from it, whose cross product points to its front.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rectangle {
+    pub(super) corner: Vec3A,
+    pub(super) edges: [Vec3A; 2],
+}
+
+impl Rectangle {
+    /// The rectangle that two triangles make which share their longest edge; `None` if they do not. `winding` is 1
+    /// where their corners run counter-clockwise seen from the front, −1 where clockwise.
+    pub(super) fn of_triangles(first: &[Vec3A; 3], second: &[Vec3A; 3], winding: f32) -> Option<Self> {
+        for i in 0..3 {
+            let [a, b, corner] = [0, 1, 2].map(|k| first[(i + k) % 3]);
+            let Some(j) = (0..3).find(|&j| second[j] == b && second[(j + 1) % 3] == a) else { continue };
+            let opposite = second[(j + 2) % 3];
+            let (ex, ey) = (a - corner, b - corner);
+            let size = ex.length().min(ey.length());
+            // Corners come out of a transform in f32; what is rectangular but for its rounding is sampled as such.
+            let rounding = gamma(16) * first.iter().chain(second).fold(0.0_f32, |m, p| m.max(p.abs().max_element()));
+            let closes = (opposite - (corner + ex + ey)).abs().max_element() <= rounding;
+            let square = ex.dot(ey).abs() <= 2.0 * rounding * (ex.length() + ey.length());
+            let large = size > 1024.0 * rounding;
+            let edges = if winding > 0.0 { [ex, ey] } else { [ey, ex] };
+            return (closes && square && large).then_some(Self { corner, edges });
+        }
+        None
+    }
+
+    /// How it looks in the tree, with radiance of luminance `emission`.
+    pub(super) fn extent(&self, emission: f32, double_sided: bool) -> Extent {
+        let [ex, ey] = self.edges;
+        let normal2 = ex.cross(ey);
+        let corners = [self.corner, self.corner + ex, self.corner + ey, self.corner + ex + ey];
+        let low = corners.iter().fold(Vec3A::INFINITY, |m, &c| m.min(c));
+        let high = corners.iter().fold(Vec3A::NEG_INFINITY, |m, &c| m.max(c));
+        let strength = normal2.length() * emission;
+        Extent {
+            boxes: [[low.into(), high.into()]; 2],
+            axis: normal2.normalize().into(),
+            cos_normals: if double_sided { -1.0 } else { 1.0 },
+            cos_emission: 0.0,
+            strength: if strength.is_finite() { strength } else { f32::MAX },
+        }
+    }
+}
+
+/// A rectangle relative to the receiving point.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SeenRectangle {
+    /// Unit axes along the edges, and the normal that points away from the receiving point.
+    axes: [DVec3; 3],
+    /// The edges' ends along the axes, with the receiving point at 0.
+    x: [f64; 2],
+    y: [f64; 2],
+    /// Distance of the plane, ≥ 0.
+    z: f64,
+    facing: f32,
+    solid_angle: f32,
+}
+
+/// A complex number of length one: an angle's cosine and sine.
+type Turn = [f64; 2];
+
+fn turned(a: Turn, b: Turn) -> Turn {
+    [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
+}
+
+impl SeenRectangle {
+    /// `rectangle` as seen from `from`; `None` for one without area.
+    pub(super) fn new(rectangle: &Rectangle, from: Vec3A) -> Option<Self> {
+        let [ex, ey] = rectangle.edges.map(|e| e.as_dvec3());
+        let to = (rectangle.corner - from).as_dvec3();
+        let (width, height) = (ex.length(), ey.length());
+        let (ax, ay) = (ex / width, ey / height);
+        let n = ax.cross(ay);
+        if !n.is_finite() {
+            return None;
+        }
+        let along = to.dot(n);
+        let (x0, y0, z) = (to.dot(ax), to.dot(ay), along.abs());
+        let mut seen = Self {
+            axes: [ax, ay, if along < 0.0 { -n } else { n }],
+            x: [x0, x0 + width],
+            y: [y0, y0 + height],
+            z,
+            // As for triangles: positive where the point is before the front.
+            facing: if along < 0.0 { 1.0 } else { -f32::from(u8::from(along > 0.0)) },
+            solid_angle: 0.0,
+        };
+        let inner = [(1, 0), (1, 1), (0, 1), (0, 0)].map(|(i, j)| seen.inner_angle(i, j));
+        // The four angles exceed a flat rectangle's, 2π, by the solid angle.
+        let [cos, sin] = inner.into_iter().reduce(turned)?;
+        let excess = angle_of(sin, cos);
+        seen.solid_angle = if excess < 0.0 { excess + TAU } else { excess };
+        seen.solid_angle.is_finite().then_some(seen)
+    }
+
+    /// The inner angle of the spherical rectangle at the corner of end `i` in x and end `j` in y.
+    fn inner_angle(&self, i: usize, j: usize) -> Turn {
+        // Towards the outside of either edge.
+        let x = if i == 0 { -self.x[0] } else { self.x[1] };
+        let y = if j == 0 { -self.y[0] } else { self.y[1] };
+        let z2 = self.z * self.z;
+        let below = ((x * x + z2) * (y * y + z2)).sqrt();
+        [-x * y / below, self.z * (x * x + y * y + z2).sqrt() / below]
+    }
+
+    /// Positive where the receiving point is before the front, negative behind, 0 in the plane.
+    pub(super) fn facing(&self) -> f32 {
+        self.facing
+    }
+
+    /// Density by solid angle of the unit direction `wi`, which meets the rectangle at `distance`.
+    #[allow(clippy::cast_possible_truncation, reason = "a density, rounded once")]
+    pub(super) fn pdf(&self, wi: Vec3A, distance: f32) -> f32 {
+        if self.solid_angle >= LEAST_SOLID_ANGLE {
+            return 1.0 / self.solid_angle;
+        }
+        // pdf = d² / (A |cos|).
+        let area = (self.x[1] - self.x[0]) * (self.y[1] - self.y[0]);
+        let flux = (area * self.axes[2].dot(wi.as_dvec3()).abs()) as f32;
+        if flux > 0.0 { (distance / flux * distance).min(f32::MAX) } else { 0.0 }
+    }
+
+    /// A direction towards the rectangle.
+    #[allow(clippy::cast_possible_truncation, reason = "computed in f64, rounded once")]
+    pub(super) fn sample(&self, u: Vec2) -> Option<ShapeSample> {
+        let (width, height) = (self.x[1] - self.x[0], self.y[1] - self.y[0]);
+        let (x, y) = if self.solid_angle < LEAST_SOLID_ANGLE {
+            (self.x[0] + width * f64::from(u.x), self.y[0] + height * f64::from(u.y))
+        } else {
+            self.spherical(u)
+        };
+        let [ax, ay, n] = self.axes;
+        let to = ax * x + ay * y + n * self.z;
+        let distance = to.length();
+        let wi = (to / distance).as_vec3a();
+        let place = Vec2::new(((x - self.x[0]) / width) as f32, ((y - self.y[0]) / height) as f32);
+        let pdf_solid_angle = self.pdf(wi, distance as f32);
+        let sound = wi.is_finite() && pdf_solid_angle > 0.0;
+        sound.then_some(ShapeSample { wi, distance: distance as f32, place, pdf_solid_angle })
+    }
+
+    /// Where in the plane a direction uniform by solid angle goes.
+    fn spherical(&self, u: Vec2) -> (f64, f64) {
+        let [x0, x1] = self.x;
+        let [y0, y1] = self.y;
+        let z2 = self.z * self.z;
+        // The angle u S + 2π − γ₂ − γ₃, with γ₂ and γ₃ at the corners of x₀.
+        let (sin, cos) = libm::sincos(f64::from(u.x) * f64::from(self.solid_angle));
+        let rest = turned(self.inner_angle(0, 1), self.inner_angle(0, 0));
+        let [cos, sin] = turned([cos, sin], [rest[0], -rest[1]]);
+        let (b0, b1) = (-y0 / (y0 * y0 + z2).sqrt(), y1 / (y1 * y1 + z2).sqrt());
+        // cu = ±1 / √(f² + b₀²) with f = (cos b₀ − b₁) / sin, without the quotient.
+        let f = cos * b0 - b1;
+        let below = (f * f + b0 * b0 * sin * sin).sqrt();
+        let cu = if below > 0.0 { (sin / below).clamp(-1.0, 1.0) } else { 0.0 };
+        let cu = if f * sin > 0.0 { cu.abs() } else { -cu.abs() };
+        let x = (cu * self.z / (1.0 - cu * cu).sqrt()).clamp(x0, x1);
+        let x = if x.is_nan() { x0 } else { x };
+        let d2 = x * x + z2;
+        let (h0, h1) = (y0 / (d2 + y0 * y0).sqrt(), y1 / (d2 + y1 * y1).sqrt());
+        let h = h0 + f64::from(u.y) * (h1 - h0);
+        let y = (h * (d2 / (1.0 - h * h)).sqrt()).clamp(y0, y1);
+        (x, if y.is_nan() { y1 } else { y })
+    }
+}
