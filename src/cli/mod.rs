@@ -21,6 +21,7 @@ mod study_designs;
 mod study_designs_scene;
 mod study_dither;
 mod study_farm;
+mod study_mirror;
 mod study_motion;
 mod study_patterns;
 mod study_spectrum;
@@ -86,6 +87,8 @@ enum Study {
     Patterns(study_patterns::StudyPatternsArgs),
     Spectrum(study_spectrum::StudySpectrumArgs),
     Motion(Box<study_motion::StudyMotionArgs>),
+    #[command(mut_arg("scene", |one| one.required(false).default_value("animations/mirror.glb")))]
+    Mirror(Box<study_mirror::StudyMirrorArgs>),
 }
 
 impl Cli {
@@ -116,6 +119,7 @@ impl Cli {
             Command::Study(Study::Patterns(args)) => study_patterns::run(args)?,
             Command::Study(Study::Spectrum(args)) => study_spectrum::run(args)?,
             Command::Study(Study::Motion(args)) => study_motion::run(args)?,
+            Command::Study(Study::Mirror(args)) => study_mirror::run(args)?,
         }
         Ok(ExitCode::SUCCESS)
     }

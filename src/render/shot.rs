@@ -128,6 +128,12 @@ impl<'a> Shot<'a> {
         self.rig.span()
     }
 
+    /// The shutter angle that the camera asks for in the file, degrees.
+    #[must_use]
+    pub fn file_shutter_angle(&self) -> Option<f64> {
+        self.file_shutter_angle
+    }
+
     /// What made the pictures, for their files.
     #[must_use]
     pub fn record(&self) -> &Arc<Record> {

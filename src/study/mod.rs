@@ -10,6 +10,7 @@ pub mod dither;
 pub mod farm;
 pub mod farm_plot;
 pub mod interlace;
+pub mod mirror;
 pub mod motion;
 pub mod patterns;
 pub mod plots;
