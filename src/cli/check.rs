@@ -12,7 +12,7 @@ pub(crate) struct CheckArgs {
     #[arg(value_hint = ValueHint::DirPath)]
     pub(crate) folder: PathBuf,
 
-    /// Frames that must be there, whatever the folder says: 1-48, 1-48:2 or 3,7,9
+    /// Look at these frames alone and expect every one of them: 1-48, 1-48:2 or 3,7,9
     #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     pub(crate) frames: Option<FrameList>,
 

@@ -35,8 +35,8 @@ pub(crate) struct StudyFarmArgs {
     /// Seconds to merge a frame's parts and write it
     #[arg(long, value_name = "SECONDS", default_value_t = 2.0, value_parser = positive)]
     merge: f64,
-    /// Processor seconds of `graeco check` for a frame
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.2, value_parser = not_negative)]
+    /// Seconds of `graeco check` for a frame
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.2, value_parser = positive)]
     check: f64,
     /// Standard deviation of what frames cost, relative to the mean
     #[arg(long, value_name = "PART", default_value_t = 0.2, value_parser = not_negative)]

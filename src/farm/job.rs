@@ -31,7 +31,7 @@ pub struct Job {
     pub runs: u32,
     /// How frames are cut.
     pub division: Division,
-    /// Frames that a task of the merge takes.
+    /// Frames that a task merges, or looks whether they are there.
     pub merged_per_task: usize,
     /// Where finished pictures go.
     pub pictures: Pattern,

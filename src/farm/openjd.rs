@@ -80,7 +80,7 @@ impl Writer<'_> {
         let (job, division) = (self.job, &self.job.division);
         self.line(&format!("# Written by graeco {}.", env!("CARGO_PKG_VERSION")));
         self.line("specificationVersion: jobtemplate-2023-09");
-        if division.frames_per_task > 1 || (self.is_cut() && job.merged_per_task > 1) {
+        if division.frames_per_task > 1 || job.merged_per_task > 1 {
             self.line("extensions: [TASK_CHUNKING]");
         }
         let name: String = job.name.chars().take(128).collect();
@@ -214,7 +214,8 @@ impl Writer<'_> {
             ]);
         } else {
             self.step("Check", job.needs.memory_mib);
-            let arguments = ["check", "{{Param.OutDir}}", "--frames={{Param.Frames}}"].map(String::from);
+            self.frame_parameter(job.merged_per_task);
+            let arguments = ["check", "{{Param.OutDir}}", "--frames={{Task.Param.Frame}}"].map(String::from);
             self.script(&arguments);
         }
     }

@@ -48,11 +48,7 @@ pub fn script(job: &Job, options: &Options) -> Result<String> {
     let lists: Vec<String> = job.frames.chunks(division.frames_per_task).map(ranges).collect();
     out.push_str(&format!("groups=(\n{}\n)\n", lists.join("\n")));
     let merges: Vec<String> = job.frames.chunks(job.merged_per_task.max(1)).map(ranges).collect();
-    if division.parts > 1 {
-        out.push_str(&format!("merges=(\n{}\n)\n", merges.join("\n")));
-    } else {
-        out.push_str(&format!("merges=(\n{}\n)\n", ranges(&job.frames)));
-    }
+    out.push_str(&format!("merges=(\n{}\n)\n", merges.join("\n")));
     out.push_str(&commands(job));
     out.push_str(&BODY.replace("@ARRAY@", &options.array.max(1).to_string()));
     Ok(out)
@@ -261,7 +257,10 @@ mod tests {
     #[test]
     fn whole_frames_are_checked_and_parts_merged() {
         let whole = script(&job(1, Slicing::Tiles, 3), &options()).unwrap();
-        assert!(whole.contains("groups=(\n1-3\n4-6\n)\nmerges=(\n1-6\n)\n") && whole.contains("check out"), "{whole}");
+        assert!(
+            whole.contains("groups=(\n1-3\n4-6\n)\nmerges=(\n1-4\n5-6\n)\n") && whole.contains("check out"),
+            "{whole}"
+        );
         let runs = script(&job(4, Slicing::Runs, 1), &options()).unwrap();
         assert!(
             runs.contains("local runs=(0-15 16-31 32-47 48-63)") && runs.contains("merge 'out/parts/shot.####.*.part'"),

@@ -92,8 +92,9 @@ pub fn check(folder: &Path) -> Result<Vec<Sequence>> {
     check_frames(folder, &[])
 }
 
-/// As [`check`], and each sequence should have the frames `wanted` besides, even if nothing in the folder says so: many
-/// machines may each know of its own frames alone, and one may never have begun.
+/// As [`check`], but of each sequence looks at the frames `wanted` alone and expects every one of them, even if nothing
+/// in the folder says so: many machines may each know of its own frames alone, and one may never have begun. With none
+/// wanted it is [`check`].
 ///
 /// # Errors
 /// As [`check`].
@@ -125,10 +126,12 @@ pub fn check_frames(folder: &Path, wanted: &[i64]) -> Result<Vec<Sequence>> {
             "holds no manifest and no numbered .exr or .png files",
         ));
     }
-    for expectation in &mut expectations {
+    let wanted: BTreeSet<i64> = wanted.iter().copied().collect();
+    for expectation in expectations.iter_mut().filter(|_| !wanted.is_empty()) {
+        expectation.files.retain(|_, frame| wanted.contains(frame));
         let pattern: Pattern = expectation.pattern.parse()?;
         let known: BTreeSet<i64> = expectation.files.values().copied().collect();
-        let more = wanted.iter().filter(|frame| !known.contains(frame));
+        let more = wanted.difference(&known);
         expectation.files.extend(more.map(|&frame| (folder.join(pattern.path(frame)), frame)));
     }
     Ok(expectations.into_iter().map(check_sequence).collect())

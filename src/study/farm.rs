@@ -23,9 +23,9 @@ pub struct Measured {
     pub build_s: f64,
     /// Processor seconds to sample a frame.
     pub render_core_s: f64,
-    /// Processor seconds to merge a frame's parts and write the picture, or to write a whole frame.
+    /// Seconds to merge a frame's parts and write the picture.
     pub merge_s: f64,
-    /// Processor seconds to look whether a finished frame is whole.
+    /// Seconds to look whether a finished frame is whole.
     pub check_s: f64,
     /// Standard deviation of what frames cost, relative to the mean.
     pub variation: f64,
@@ -217,16 +217,14 @@ pub fn deliver(shot: &Measured, farm: &Farm, count: usize, task_s: f64) -> Resul
     let rendered_s = machines.last.max(written / farm.storage);
     let tail_s = machines.last - machines.mean_end();
     machines.wait_until(rendered_s);
-    if parts > 1 {
-        let each = (task_s / shot.merge_s).clamp(1.0, shot.frames.div_ceil(count).max(1) as f64);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1, at most the frames")]
-        let each = each as usize;
-        for group in 0..shot.frames.div_ceil(each) {
-            let n = each.min(shot.frames - group * each) as f64;
-            machines.run(shot.part_bytes * n, shot.merge_s * n, 0.0);
-        }
-    } else {
-        machines.run(0.0, shot.frames as f64 * shot.check_s / farm.cores, 0.0);
+    // A task of the merge takes as long as one of the rendering, if there is so much to merge.
+    let (bytes, gather_s) = if parts > 1 { (shot.part_bytes, shot.merge_s) } else { (shot.frame_bytes, shot.check_s) };
+    let each = (task_s / gather_s).clamp(1.0, shot.frames as f64);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1, at most the frames")]
+    let each = each as usize;
+    for group in 0..shot.frames.div_ceil(each) {
+        let n = each.min(shot.frames - group * each) as f64;
+        machines.run(bytes * n, gather_s * n, 0.0);
     }
     let total_s = machines.last.max(rendered_s);
     Ok(Delivery {
@@ -262,7 +260,7 @@ mod tests {
         build_s: 0.5,
         render_core_s: 320.0,
         merge_s: 1.0,
-        check_s: 0.0,
+        check_s: 1e-9,
         variation: 0.0,
         scene_bytes: 0.0,
         part_bytes: 0.0,
