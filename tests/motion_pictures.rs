@@ -44,6 +44,7 @@ fn settings(size: (u32, u32), runs: u32) -> Settings {
         playback: Playback::default(),
         blur_scale: Vec::new(),
         sampling: DesignOptions { kind: Kind::Random, runs, seed: 11, ..DesignOptions::default() },
+        adaptive: None,
         filter: FilterSpec::BOX,
         texture_filter: TextureFilter::Point,
         bounces: 0,

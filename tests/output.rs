@@ -31,6 +31,7 @@ fn metadata(frame: i64, order: FieldOrder) -> Metadata {
         exposure: Exposure { open: 1.5, close: 1.5 + 1.0 / 120.0 },
         pixel_aspect: PixelAspect { width: 10, height: 11 },
         order,
+        passes: None,
         record: record(1),
     }
 }

@@ -103,6 +103,7 @@ impl Video {
             exposure: Shutter { fraction: 0.0, ..Shutter::default() }.exposure(open, self.rate.period()),
             pixel_aspect: self.aspect,
             order: self.order,
+            passes: None,
             record: Arc::new(Record::default()),
         };
         Picture::from_film(&film, metadata)

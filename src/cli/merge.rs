@@ -233,6 +233,7 @@ impl Work<'_> {
             rays: cost.rays,
             peak_memory: peak_memory(),
             rejected: cost.rejected,
+            passes: None,
             standard_error: merged.frame.film.standard_error(),
         };
         note_frame(manifest, number, &written, &record, stats)

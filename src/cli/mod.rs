@@ -1,5 +1,6 @@
 //! The command line: arguments in, library calls, sentences out.
 
+mod adaptive_args;
 mod check;
 mod compare;
 mod design;
@@ -20,6 +21,7 @@ mod study_cost;
 mod study_designs;
 mod study_designs_scene;
 mod study_dither;
+mod study_error;
 mod study_farm;
 mod study_mirror;
 mod study_motion;
@@ -81,6 +83,8 @@ enum Study {
     // A study takes a list of runs where rendering takes one number.
     #[command(mut_arg("runs", |one| one.long("runs-of-render").short('R').hide(true)))]
     Cost(Box<study_cost::StudyCostArgs>),
+    #[command(mut_arg("runs", |one| one.long("runs-of-render").short('R').hide(true)))]
+    Error(Box<study_error::StudyErrorArgs>),
     Designs(study_designs::StudyDesignsArgs),
     Dither(study_dither::StudyDitherArgs),
     Farm(study_farm::StudyFarmArgs),
@@ -113,6 +117,7 @@ impl Cli {
                 }
             }
             Command::Study(Study::Cost(args)) => study_cost::run(args)?,
+            Command::Study(Study::Error(args)) => say(&study_error::run(args)?),
             Command::Study(Study::Designs(args)) => study_designs::run(args)?,
             Command::Study(Study::Dither(args)) => study_dither::run(args)?,
             Command::Study(Study::Farm(args)) => study_farm::run(args)?,

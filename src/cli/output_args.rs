@@ -122,7 +122,7 @@ pub(crate) fn finish(destination: &Destination, choice: &OutputChoice) -> String
     }
 }
 
-fn view(choice: &OutputChoice) -> View {
+pub(crate) fn view(choice: &OutputChoice) -> View {
     View { transform: choice.view, exposure_ev: choice.exposure_ev }
 }
 

@@ -21,6 +21,9 @@ pub(crate) struct RenderArgs {
     pub(crate) shot: ShotArgs,
 
     #[command(flatten)]
+    pub(crate) adaptive: super::adaptive_args::AdaptiveArgs,
+
+    #[command(flatten)]
     pub(crate) output: OutputArgs,
 
     /// Frames: 7, 1-48, 1-48x2, 1-48:2 or 3,7,9; frame n stands at n / fps seconds [default: first to last key]

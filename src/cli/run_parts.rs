@@ -88,6 +88,7 @@ impl PartWork<'_> {
                 rays: cost.rays,
                 peak_memory: peak_memory(),
                 rejected: cost.rejected,
+                passes: None,
                 standard_error: f64::INFINITY,
             };
             manifest::append_json(stats, &line)?;

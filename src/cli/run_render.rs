@@ -110,7 +110,14 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let before = OutputChoice { pulldown: args.shot.pulldown, ..OutputChoice::default() };
     let choice = args.output.over(&before);
     refuse_slices_of_pictures(args, &destination)?;
-    let settings = args.shot.settings();
+    let mut settings = args.shot.settings();
+    settings.adaptive = args.adaptive.adaptive(super::output_args::view(&choice));
+    if settings.adaptive.is_some() && matches!(destination, Destination::Parts(_)) {
+        return Err(Error::invalid(
+            "--error, --within, --until, --passes",
+            "a part file holds the sums of a fixed number of runs; expected --runs, or pictures as the output",
+        ));
+    }
     args.shot.set_threads()?;
     let started = Instant::now();
     let scene = args.shot.load()?;
@@ -207,6 +214,7 @@ impl Work<'_> {
             rays: frame.cost.rays,
             peak_memory: peak_memory(),
             rejected: frame.cost.rejected,
+            passes: frame.cost.passes,
             standard_error: frame.film.standard_error(),
         };
         let files: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();

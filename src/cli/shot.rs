@@ -72,6 +72,7 @@ impl ShotArgs {
                 seed: self.seed,
                 ..DesignOptions::default()
             },
+            adaptive: None,
             filter: self.filter,
             texture_filter: self.texture_filter,
             bounces: self.bounces,

@@ -111,6 +111,11 @@ impl PixelAccumulator {
         self.sums.runs()
     }
 
+    /// Plain sums over all runs, and how many were rejected.
+    pub(super) fn total(&self) -> (Part, u32) {
+        self.sums.whole().map_or_else(Default::default, |whole| (whole.total, whole.rejected))
+    }
+
     /// The pixel as estimated from the runs so far; black with no runs.
     ///
     /// The variance comes from the means of the four quarters of each block, which stratified runs make smaller than
@@ -156,11 +161,11 @@ impl Part {
     }
 
     /// Σ (w L − mean·(w − 1)): the estimator's sum, linearised about the pixel's mean.
-    fn residual(&self, mean: DVec3) -> DVec3 {
+    pub(super) fn residual(&self, mean: DVec3) -> DVec3 {
         self.weighted - mean * (self.weight - f64::from(self.runs))
     }
 
-    fn estimate(&self) -> DVec3 {
+    pub(super) fn estimate(&self) -> DVec3 {
         let runs = f64::from(self.runs);
         // Exactly the plain mean where all weights are 1: the difference is then exactly zero.
         (self.weighted - self.plain * ((self.weight - runs) / runs)) / runs

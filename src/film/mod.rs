@@ -12,6 +12,7 @@ mod filter;
 mod footprint;
 mod kernel;
 mod packed;
+mod replicates;
 mod shutter;
 
 pub use accumulate::{PixelAccumulator, PixelEstimate};
@@ -22,4 +23,5 @@ pub use filter::Filter;
 pub use footprint::{Footprint, Lines, Scan};
 pub use kernel::{FilterSpec, Kernel};
 pub use packed::Layout;
+pub use replicates::{REPLICATES, Replicates, STUDENT_T};
 pub use shutter::{MOST_KNOTS, ShutterCurve};

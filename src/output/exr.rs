@@ -34,6 +34,7 @@ pub(super) mod names {
     pub(crate) const FIELDS: &str = "graeco.fields";
     pub(crate) const OPEN: &str = "graeco.exposureOpen";
     pub(crate) const CLOSE: &str = "graeco.exposureClose";
+    pub(crate) const PASSES: &str = "graeco.passes";
 }
 
 /// The file's bytes.
@@ -112,7 +113,10 @@ fn layer_attributes(picture: &Picture) -> Result<LayerAttributes> {
         (names::FIELDS, fields),
         (names::OPEN, meta.exposure.open.to_string()),
         (names::CLOSE, meta.exposure.close.to_string()),
-    ] {
+    ]
+    .into_iter()
+    .chain(meta.passes.map(|passes| (names::PASSES, passes.to_string())))
+    {
         let text = Text::new_or_none(&value)
             .ok_or_else(|| Error::invalid(name, "holds a character that EXR text cannot store"))?;
         attributes.other.insert(Text::from(name), AttributeValue::Text(text));

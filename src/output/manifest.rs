@@ -69,6 +69,9 @@ pub struct FrameStats {
     pub peak_memory: u64,
     /// Runs left out because they were not finite.
     pub rejected: u64,
+    /// Passes over the picture, where sampling stopped by itself: `--passes` with this number repeats it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub passes: Option<u32>,
     /// Expected root mean squared error of the picture, from the estimated variance; infinite, in JSON `null`, where
     /// pixels have a single run.
     #[serde(with = "null_if_infinite")]

@@ -160,6 +160,8 @@ pub struct Metadata {
     pub pixel_aspect: PixelAspect,
     /// Which instants its lines belong to.
     pub order: FieldOrder,
+    /// Passes over the picture, where sampling stopped by itself.
+    pub passes: Option<u32>,
     /// What made it.
     pub record: Arc<Record>,
 }

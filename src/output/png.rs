@@ -36,6 +36,7 @@ pub(super) mod names {
     pub(crate) const SCENE_HASH: &str = "graeco:scene-hash";
     pub(crate) const SEED: &str = "graeco:seed";
     pub(crate) const FRAME: &str = "graeco:frame";
+    pub(crate) const PASSES: &str = "graeco:passes";
     pub(crate) const VIEW: &str = "graeco:view";
 }
 
@@ -74,7 +75,10 @@ pub fn encode(picture: &Picture, options: PngOptions, path: &Path) -> Result<Vec
         (names::SEED, record.seed.to_string()),
         (names::FRAME, picture.metadata.frame.to_string()),
         (names::VIEW, format!("{} {} EV", options.view.transform, options.view.exposure_ev)),
-    ] {
+    ]
+    .into_iter()
+    .chain(picture.metadata.passes.map(|passes| (names::PASSES, passes.to_string())))
+    {
         encoder.add_text_chunk(keyword.to_owned(), text).map_err(bad)?;
     }
     let mut writer = encoder.write_header().map_err(bad)?;

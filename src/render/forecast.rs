@@ -75,6 +75,7 @@ pub(super) fn forecast(
     for &block in blocks.iter().take(2) {
         render_tile(function, trial, pass, block);
     }
+    let _ = crate::trace::tally::take_rays();
     let (mut pixels, mut samples) = (0_u64, 0_u64);
     for chunk in blocks.chunks(batch) {
         let done: Vec<(f64, u64, u64)> = chunk
@@ -82,6 +83,8 @@ pub(super) fn forecast(
             .map(|&block| {
                 let own = Instant::now();
                 let (estimates, runs) = render_tile(function, trial, pass, block);
+                // A forecast's rays are no part of the next frame's.
+                let _ = crate::trace::tally::take_rays();
                 (own.elapsed().as_secs_f64(), estimates.len() as u64, runs)
             })
             .collect();

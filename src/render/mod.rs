@@ -3,6 +3,7 @@
 //! scene → effects → design → image function → film → output, one exposure at a time. A frame is one exposure, or two
 //! where it is interlaced; every pixel is computed alone, so tiles, threads and machines never show.
 
+pub mod adaptive;
 pub mod aovs;
 pub mod clock;
 mod coverage;
@@ -16,6 +17,7 @@ pub mod progress;
 pub mod settings;
 pub mod shot;
 
+pub use adaptive::{Adaptive, Goal};
 pub use extent::BlurExtent;
 pub use forecast::Forecast;
 pub use frames::FrameList;

@@ -1,5 +1,6 @@
 //! Everything that decides what a picture shows, in one value: its hash tells whether a finished frame still holds.
 
+use super::adaptive::Adaptive;
 use super::aovs::Aov;
 use crate::design::DesignOptions;
 use crate::film::{FilterSpec, Footprint, Lines, Scan, ShutterCurve, Window};
@@ -60,6 +61,9 @@ pub struct Settings {
     pub blur_scale: Vec<(String, f64)>,
     /// Samples a pixel and how they are placed.
     pub sampling: DesignOptions,
+    /// Sampling that stops by itself, instead of a fixed number of runs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adaptive: Option<Adaptive>,
     /// Reconstruction filter.
     pub filter: FilterSpec,
     /// How textures are read.

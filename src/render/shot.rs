@@ -1,5 +1,6 @@
 //! A scene with its settings, rendered frame by frame.
 
+use super::adaptive::{self, Adaptive, Goal};
 use super::aovs::{self, Aov};
 use super::extent::{self, BlurExtent};
 use super::forecast::{Forecast, forecast};
@@ -24,7 +25,7 @@ use crate::trace::lights::Lights;
 use crate::trace::path::{Parts, PathTracer};
 use crate::{Error, Result};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What a frame took.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -41,6 +42,9 @@ pub struct FrameCost {
     pub rays: u64,
     /// Samples that were not finite and left out.
     pub rejected: u64,
+    /// Passes over the picture where sampling stops by itself for the picture as a whole: repeats it exactly
+    /// ([`Goal::Passes`]).
+    pub passes: Option<u32>,
 }
 
 /// A finished frame.
@@ -102,6 +106,9 @@ impl<'a> Shot<'a> {
         let view = View::new(&rig, &settings.view)?;
         settings.window()?;
         settings.passes(0, None)?;
+        if let Some(adaptive) = &settings.adaptive {
+            adaptive.check(settings.sampling.kind, settings.sampling.dither)?;
+        }
         let file_shutter_angle = view
             .node()
             .and_then(|n| scene.nodes[n].camera)
@@ -251,9 +258,21 @@ impl<'a> Shot<'a> {
         let observes = self.settings.aovs.iter().any(|a| a.is_observed());
         let mut observed = if observes { aovs::blank(film.window()) } else { Vec::new() };
         let (samples, rays) = (progress.samples(), progress.rays());
+        let (deadline, mut passes_made) = (self.deadline(passes.len()), None);
         for pass in &passes {
+            let asked = self.adaptive_after(passes_made);
             let complete = self.expose(pass, &mut cost, |exposed| {
-                let mut complete = integrate(exposed.tracer, exposed.design, &exposed.job, &mut film, progress);
+                let mut complete = match asked {
+                    None => integrate(exposed.tracer, exposed.design, &exposed.job, &mut film, progress),
+                    Some(asked) => {
+                        let drawn = (&exposed.shot.settings.sampling, exposed.design.factors());
+                        let film = &mut film;
+                        let made =
+                            adaptive::integrate(exposed.tracer, drawn, &asked, &exposed.job, film, deadline, progress);
+                        passes_made = made.filter(|&passes| passes > 0);
+                        made.is_some()
+                    }
+                };
                 if observes && complete {
                     let window = film.window();
                     complete = exposed.observe(|observer| {
@@ -269,8 +288,23 @@ impl<'a> Shot<'a> {
         cost.samples = progress.samples() - samples;
         cost.rays = progress.rays() - rays;
         cost.rejected = film.rejected();
+        cost.passes = passes_made;
         let planes = aovs::planes(&observed, &self.settings.aovs);
         Ok(Some(Frame { film, planes, exposure: passes[0].interval, cost, is_partial: false }))
+    }
+
+    /// When the first of `exposures` must be finished, where the settings ask for a time.
+    fn deadline(&self, exposures: usize) -> Option<Instant> {
+        let Some(Adaptive { goal: Goal::Within(seconds), .. }) = self.settings.adaptive else { return None };
+        #[allow(clippy::cast_precision_loss, reason = "one or two exposures")]
+        let share = Duration::try_from_secs_f64(seconds / exposures as f64).ok()?;
+        Instant::now().checked_add(share)
+    }
+
+    /// What an exposure is asked for. The second of a frame is sampled in as many passes as the first.
+    fn adaptive_after(&self, passes: Option<u32>) -> Option<Adaptive> {
+        let adaptive = self.settings.adaptive?;
+        Some(passes.map_or(adaptive, |p| Adaptive { goal: Goal::Passes(p), ..adaptive }))
     }
 
     /// Builds what rays traverse during one exposure and hands it to `work`.
@@ -378,6 +412,7 @@ pub fn pictures(
         exposure: frame.exposure,
         pixel_aspect: settings.pixel_aspect,
         order: settings.field_order(),
+        passes: frame.cost.passes,
         record: Arc::clone(record),
     };
     let mut picture = Picture::from_film(&frame.film, metadata);

@@ -2,6 +2,7 @@
 //!
 //! Reads all other modules, is read by none.
 
+pub mod adaptive;
 pub mod canvas;
 pub mod cost;
 pub mod designs;

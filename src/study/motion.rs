@@ -75,6 +75,7 @@ pub fn measure(
         exposure: rendered.exposure,
         pixel_aspect: settings.pixel_aspect,
         order: settings.field_order(),
+        passes: None,
         record: std::sync::Arc::clone(shot.record()),
     };
     let row = Row {

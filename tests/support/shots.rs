@@ -32,6 +32,7 @@ pub(crate) fn settings(size: (u32, u32), runs: u32, bounces: u16) -> Settings {
         playback: Playback::default(),
         blur_scale: Vec::new(),
         sampling: DesignOptions { runs, seed: 7, ..DesignOptions::default() },
+        adaptive: None,
         filter: FilterSpec::BOX,
         texture_filter: TextureFilter::default(),
         bounces,

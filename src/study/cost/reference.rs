@@ -84,7 +84,15 @@ impl Reference {
     /// # Errors
     /// If the sizes differ.
     pub fn errors(&self, picture: &Rendered) -> Result<Errors> {
-        if (picture.width, picture.rgb.len()) != (self.width, self.rgb.len()) {
+        self.errors_of(&picture.rgb, picture.width)
+    }
+
+    /// How far the pixels `rgb` of a picture `width` across are from it.
+    ///
+    /// # Errors
+    /// If the sizes differ.
+    pub fn errors_of(&self, rgb: &[[f32; 3]], width: usize) -> Result<Errors> {
+        if (width, rgb.len()) != (self.width, self.rgb.len()) {
             let lines = |pixels: usize, width: usize| pixels / width.max(1);
             return Err(Error::invalid(
                 "reference",
@@ -92,12 +100,12 @@ impl Reference {
                     "it has {}x{} pixels, the frame {}x{}; expected equal sizes (--size)",
                     self.width,
                     lines(self.rgb.len(), self.width),
-                    picture.width,
-                    lines(picture.rgb.len(), picture.width)
+                    width,
+                    lines(rgb.len(), width)
                 ),
             ));
         }
-        let test = wide(&picture.rgb);
+        let test = wide(rgb);
         let square = |i: usize, c: usize| (test[i][c] - self.rgb[i][c]).powi(2);
         let own = |i: usize, c: usize| self.variance.as_ref().map_or(0.0, |v| v[i][c]);
         let weight = |i: usize, c: usize| 1.0 / (self.rgb[i][c] * self.rgb[i][c] + DARK);

@@ -1,0 +1,214 @@
+//! The pixels that decide together when to stop: those of one block of the picture's 16 × 16 grid.
+
+use super::LEAST_RUNS;
+use super::sampler::Sampler;
+use super::visibility::{DARK, Visibility, relative_square};
+use crate::film::blocks::Blocks;
+use crate::film::{Film, Lines, PixelAccumulator, PixelEstimate, REPLICATES, Replicates, STUDENT_T, Window};
+use crate::render::Progress;
+use crate::trace::ImageFunction;
+
+/// The blocks of a picture that share a pixel with `window`: whole ones, which decide alike whatever the window is.
+pub(super) fn grid(window: Window, picture: Window) -> Vec<Window> {
+    Blocks::new(picture).windows().filter(|block| block.overlaps(window)).collect()
+}
+
+/// What is asked of pixels.
+#[derive(Debug)]
+pub(super) enum Rule {
+    /// So many runs each.
+    Runs(u32),
+    /// A half-width of the interval, as it is seen, and a bound of the squared relative error over the runs.
+    Visible(f64, Visibility, f64),
+    /// The latter alone.
+    Relative(f64),
+}
+
+/// Runs with which a middle grey reaches both bounds of [`Rule::visible`].
+const FULL_RUNS: f64 = 1024.0;
+
+/// Middle grey.
+const GREY: f64 = 0.18;
+
+impl Rule {
+    /// Half-widths of at most `tolerance`; and for pixels of few runs less than that, in proportion to √runs.
+    ///
+    /// That serves two ends. The fewer the runs, the less is known of what they may have missed. And the sum over all
+    /// pixels of σ²ᵢ/nᵢ is smallest, for a given number of runs in all, where nᵢ is proportional to σᵢ, thus where the
+    /// squared error is proportional to nᵢ: were all pixels stopped at one error, easy ones would spoil what hard ones
+    /// paid for.
+    pub(super) fn visible(tolerance: f64, visibility: Visibility) -> Self {
+        let relative = tolerance / STUDENT_T / (visibility.slope(GREY) * (GREY * GREY + DARK).sqrt());
+        Self::Visible(tolerance, visibility, relative * relative / FULL_RUNS)
+    }
+
+    /// Runs that a pixel like this needs, as far as `runs` of them tell: its squared error falls as 1/runs.
+    fn needed(&self, estimate: &PixelEstimate, runs: f64) -> f64 {
+        if estimate.runs == 0 {
+            // None yet, or none that is finite: more would not help.
+            return 0.0;
+        }
+        match self {
+            Self::Runs(_) => 0.0,
+            Self::Visible(tolerance, visibility, bound) => {
+                let seen = STUDENT_T * STUDENT_T * visibility.square(estimate) / (tolerance * tolerance);
+                (seen * runs).max((relative_square(estimate) * runs / bound).sqrt())
+            }
+            Self::Relative(bound) => (relative_square(estimate) * runs / bound).sqrt(),
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Pixel {
+    sums: Replicates,
+    estimate: PixelEstimate,
+    /// Runs of each replicate so far.
+    runs: u32,
+}
+
+impl Pixel {
+    fn all_runs(&self) -> u32 {
+        #[allow(clippy::cast_possible_truncation, reason = "four")]
+        let replicates = REPLICATES as u32;
+        self.runs * replicates
+    }
+}
+
+/// One block, as far as it is.
+#[derive(Debug)]
+pub(super) struct Block {
+    window: Window,
+    rows: Vec<u32>,
+    pixels: Vec<Pixel>,
+}
+
+impl Block {
+    pub(super) fn new(window: Window, lines: Lines) -> Self {
+        let rows: Vec<u32> = (window.y..window.y + window.height).filter(|&y| lines.holds(y)).collect();
+        let pixels = vec![Pixel::default(); rows.len() * window.width as usize];
+        Self { window, rows, pixels }
+    }
+
+    /// Samples until nothing is wanted any more; samples taken, or `None` if cancelled.
+    pub(super) fn settle<F: ImageFunction>(
+        &mut self,
+        sampler: &Sampler<'_, F>,
+        rule: &Rule,
+        progress: &Progress,
+    ) -> Option<u64> {
+        let mut scratch = PixelAccumulator::new(0);
+        let mut samples = 0;
+        loop {
+            if progress.is_cancelled() {
+                return None;
+            }
+            let wanted = self.wanted(sampler.most(), rule);
+            if wanted.is_empty() {
+                return Some(samples);
+            }
+            for index in wanted {
+                samples += self.grow(index, sampler, &mut scratch);
+            }
+        }
+    }
+
+    /// As [`Block::settle`], and tells `progress` of the samples.
+    pub(super) fn settle_and_count<F: ImageFunction>(
+        &mut self,
+        sampler: &Sampler<'_, F>,
+        rule: &Rule,
+        progress: &Progress,
+    ) -> Option<u64> {
+        let samples = self.settle(sampler, rule, progress)?;
+        progress.advance(0, samples);
+        Some(samples)
+    }
+
+    /// Samples that `rule` asks for at once.
+    pub(super) fn samples_wanted<F: ImageFunction>(&self, sampler: &Sampler<'_, F>, rule: &Rule) -> u64 {
+        let wanted = self.wanted(sampler.most(), rule);
+        wanted.iter().map(|&index| u64::from(self.pixels[index].all_runs().max(4))).sum()
+    }
+
+    /// Whether no pixel may have more runs.
+    pub(super) fn is_exhausted<F: ImageFunction>(&self, sampler: &Sampler<'_, F>) -> bool {
+        self.pixels.iter().all(|pixel| pixel.runs >= sampler.most())
+    }
+
+    /// Twice as many runs for a pixel; samples taken.
+    fn grow<F: ImageFunction>(
+        &mut self,
+        index: usize,
+        sampler: &Sampler<'_, F>,
+        scratch: &mut PixelAccumulator,
+    ) -> u64 {
+        let width = self.window.width as usize;
+        #[allow(clippy::cast_possible_truncation, reason = "below 16")]
+        let place = (self.window.x + (index % width) as u32, self.rows[index / width]);
+        let pixel = &mut self.pixels[index];
+        let to = (2 * pixel.runs).max(1);
+        sampler.add(place, (pixel.runs, to), &mut pixel.sums, scratch);
+        let before = pixel.all_runs();
+        pixel.runs = to;
+        pixel.estimate = pixel.sums.estimate();
+        u64::from(pixel.all_runs() - before)
+    }
+
+    /// Pixels with fewer runs than they need, or than they and their neighbours need on average.
+    fn wanted(&self, most: u32, rule: &Rule) -> Vec<usize> {
+        let least = f64::from(if let Rule::Runs(asked) = rule { *asked } else { LEAST_RUNS });
+        let most_runs = f64::from(most) * REPLICATES as f64;
+        let needed: Vec<f64> = self
+            .pixels
+            .iter()
+            .map(|p| rule.needed(&p.estimate, f64::from(p.all_runs())).max(least).min(most_runs))
+            .collect();
+        let wants = |&index: &usize| {
+            let pixel = &self.pixels[index];
+            pixel.runs < most && f64::from(pixel.all_runs()) < needed[index].max(self.around(index, &needed))
+        };
+        (0..self.pixels.len()).filter(wants).collect()
+    }
+
+    /// Mean of `values` over a pixel and its neighbours in the block.
+    fn around(&self, index: usize, values: &[f64]) -> f64 {
+        let (width, height) = (self.window.width as usize, self.rows.len());
+        let (column, row) = (index % width, index / width);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for y in row.saturating_sub(1)..(row + 2).min(height) {
+            for x in column.saturating_sub(1)..(column + 2).min(width) {
+                sum += values[y * width + x];
+                count += 1.0;
+            }
+        }
+        sum / count
+    }
+
+    /// Pixels that `window` shows.
+    pub(super) fn pixels_in(&self, window: Window) -> u64 {
+        self.places().filter(|&(x, y)| window.index(x, y).is_some()).count() as u64
+    }
+
+    fn places(&self) -> impl Iterator<Item = (u32, u32)> {
+        let columns = self.window.x..self.window.x + self.window.width;
+        self.rows.iter().flat_map(move |&y| columns.clone().map(move |x| (x, y)))
+    }
+
+    /// Puts the estimates into `film` where it shows them.
+    pub(super) fn store(&self, film: &mut Film) {
+        let window = film.window();
+        let stored = film.pixels_mut();
+        for ((x, y), pixel) in self.places().zip(&self.pixels) {
+            if let Some(index) = window.index(x, y) {
+                stored[index] = pixel.estimate;
+            }
+        }
+    }
+
+    /// Sum of squared relative errors over the pixels that `window` shows, and how many these are.
+    pub(super) fn relative_squares(&self, window: Window) -> (f64, usize) {
+        let shown = self.places().zip(&self.pixels).filter(|((x, y), _)| window.index(*x, *y).is_some());
+        shown.fold((0.0, 0), |(sum, n), (_, pixel)| (sum + relative_square(&pixel.estimate), n + 1))
+    }
+}

@@ -1,0 +1,213 @@
+//! Sampling that stops when a picture is accurate enough, or when its time is up (Mitchell 1990, §5.1; Lee, Redner and
+//! Uselton 1985).
+//!
+//! Every pixel has [`REPLICATES`] replicates of a nested design, each with a randomisation of its own. They grow together,
+//! 4, 8, 16, … runs each; their spread gives the pixel's standard error, and thereby the runs that it needs. A pixel goes
+//! on while it has fewer than that, or than it and its neighbours need on average. So a pixel that looks flat beside ones
+//! that vary goes on, and thin moving objects that the first runs missed are found.
+//!
+//! Decisions are made within the blocks of the picture's 16 × 16 grid and see nothing outside, so that a picture is the
+//! same bit for bit however it is divided along that grid, and a crop is what the whole picture shows there.
+
+mod block;
+mod sampler;
+#[cfg(test)]
+mod tests;
+mod visibility;
+
+pub use visibility::Visibility;
+
+use super::Progress;
+use super::integrate::Pass;
+use crate::design::{Dither, Factor, Kind, Mask};
+use crate::film::{Film, REPLICATES, Window};
+use crate::output::View;
+use crate::trace::ImageFunction;
+use crate::{Error, Result};
+use block::{Block, Rule};
+use rayon::prelude::*;
+use sampler::Sampler;
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// When to stop.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Goal {
+    /// A pixel stops when the half-width of its 95 % interval, as a part of what a screen shows between black and white,
+    /// is at most this.
+    Error(f64),
+    /// The picture stops when this many seconds are used up, or nearly.
+    Within(f64),
+    /// The picture stops when its relative error, [`relative_error`], is estimated to be at most this.
+    Until(f64),
+    /// The picture stops after so many passes: those that [`Goal::Within`] came to.
+    Passes(u32),
+}
+
+/// Adaptive sampling.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Adaptive {
+    /// When to stop.
+    pub goal: Goal,
+    /// The most runs a pixel: rounded down to a power of two.
+    pub most_runs: u32,
+    /// How the picture will be shown, which decides what of an error is seen.
+    pub view: View,
+}
+
+/// Fewest runs a pixel, unless time is up: never fewer on the strength of no variance.
+pub const LEAST_RUNS: u32 = 16;
+
+impl Adaptive {
+    /// Checks it together with the design that was asked for.
+    ///
+    /// # Errors
+    /// If a number is out of range, or the design cannot grow run by run.
+    pub fn check(&self, kind: Kind, dither: Dither) -> Result<()> {
+        let (flag, value) = match self.goal {
+            Goal::Error(e) => ("--error", e),
+            Goal::Within(s) => ("--within", s),
+            Goal::Until(e) => ("--until", e),
+            Goal::Passes(p) => ("--passes", f64::from(p)),
+        };
+        if !(value.is_finite() && value > 0.0) {
+            return Err(Error::invalid(format!("{flag} {value}"), "expected a number above 0"));
+        }
+        if !(LEAST_RUNS..=MOST_RUNS).contains(&self.most_runs) {
+            return Err(Error::invalid(
+                format!("--most-runs {}", self.most_runs),
+                format!("expected {LEAST_RUNS} to {MOST_RUNS}"),
+            ));
+        }
+        if !matches!(kind, Kind::Auto | Kind::Nested | Kind::Sobol | Kind::Random) {
+            return Err(Error::invalid(
+                format!("--design {kind} with {flag}"),
+                "it cannot grow run by run; expected auto, nested, sobol or random",
+            ));
+        }
+        if !matches!(dither.mask, Mask::Auto | Mask::None) {
+            return Err(Error::invalid(
+                format!("--dither {dither} with {flag}"),
+                "pixels that stop one by one have no structure between them; expected auto or none",
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// The most that [`Adaptive::most_runs`] may be.
+pub const MOST_RUNS: u32 = 1 << 20;
+
+/// Root of the mean over pixels and channels of the estimated squared error over (value² + 0.01): the root of the relMSE
+/// that `graeco compare` measures against a perfect picture.
+#[must_use]
+#[allow(clippy::cast_precision_loss, reason = "a count of pixels")]
+pub fn relative_error(film: &Film) -> f64 {
+    let sum: f64 = film.pixels().iter().map(visibility::relative_square).sum();
+    (sum / film.pixels().len() as f64).sqrt()
+}
+
+/// The pass's lines of `film` sampled as `adaptive` asks, of [`Goal::Within`] until `deadline`. Gives the passes that were
+/// made over the picture, none where every pixel stops for itself; `None` if `progress` was cancelled.
+pub(super) fn integrate(
+    function: &impl ImageFunction,
+    (options, factors): (&crate::design::DesignOptions, &[Factor]),
+    adaptive: &Adaptive,
+    pass: &Pass<'_>,
+    film: &mut Film,
+    deadline: Option<Instant>,
+    progress: &Progress,
+) -> Option<u32> {
+    let sampler = Sampler::new(function, options, factors, adaptive.most_runs, pass);
+    let (width, height) = film.size();
+    let grid = block::grid(film.window(), Window::whole(width, height));
+    match adaptive.goal {
+        Goal::Error(tolerance) => {
+            let rule = Rule::visible(tolerance, Visibility::new(adaptive.view));
+            let done: Option<Vec<Block>> = grid
+                .par_iter()
+                .map(|&window| {
+                    let mut block = Block::new(window, pass.lines);
+                    let samples = block.settle(&sampler, &rule, progress)?;
+                    progress.advance(block.pixels_in(film.window()), samples);
+                    Some(block)
+                })
+                .collect();
+            done?.iter().for_each(|block| block.store(film));
+            Some(0)
+        }
+        Goal::Within(_) | Goal::Until(_) | Goal::Passes(_) => {
+            let blocks = grid.iter().map(|&window| Block::new(window, pass.lines)).collect();
+            Passes { blocks, sampler, goal: adaptive.goal, deadline, progress }.run(film)
+        }
+    }
+}
+
+/// Passes over the whole picture, each asking for a little more than the one before.
+struct Passes<'a, F: ImageFunction> {
+    blocks: Vec<Block>,
+    sampler: Sampler<'a, F>,
+    goal: Goal,
+    deadline: Option<Instant>,
+    progress: &'a Progress,
+}
+
+impl<F: ImageFunction> Passes<'_, F> {
+    /// What pass `number` (from 0) asks for: 4, 8, 16 runs everywhere, then runs where they lower the picture's relative
+    /// error most. A run more lowers a squared error V by V/n; passes ask V/n below a bound that falls by 2^¼ each time,
+    /// so that a pass adds about a tenth of the samples so far.
+    fn rule(number: u32) -> Rule {
+        match number {
+            0..=2 => Rule::Runs(4 << number),
+            _ => Rule::Relative(libm::exp2(-4.0 - 0.25 * f64::from(number - 2))),
+        }
+    }
+
+    /// Later passes ask for a relative error of 2⁻⁴⁸ a run: nothing can.
+    const LAST: u32 = 256;
+
+    fn run(mut self, film: &mut Film) -> Option<u32> {
+        let (started, mut samples) = (Instant::now(), 0_u64);
+        let mut passes = 0;
+        while passes < Self::LAST {
+            let rule = Self::rule(passes);
+            if let (Some(deadline), true) = (self.deadline, passes > 0) {
+                let next: u64 = self.blocks.par_iter().map(|b| b.samples_wanted(&self.sampler, &rule)).sum();
+                #[allow(clippy::cast_precision_loss, reason = "counts of samples")]
+                let expected_s = started.elapsed().as_secs_f64() * next as f64 / samples.max(1) as f64;
+                let left_s = deadline.saturating_duration_since(Instant::now()).as_secs_f64();
+                if left_s <= expected_s {
+                    break;
+                }
+            }
+            let done: Option<Vec<u64>> =
+                self.blocks.par_iter_mut().map(|b| b.settle_and_count(&self.sampler, &rule, self.progress)).collect();
+            let taken: u64 = done?.iter().sum();
+            samples += taken;
+            passes += 1;
+            let enough = match self.goal {
+                Goal::Passes(asked) => passes >= asked,
+                Goal::Until(error) => passes > 2 && self.relative_error(film.window()) <= error,
+                Goal::Within(_) | Goal::Error(_) => false,
+            };
+            if enough || passes > 2 && self.blocks.iter().all(|b| b.is_exhausted(&self.sampler)) {
+                break;
+            }
+        }
+        let window = film.window();
+        self.progress.advance(self.blocks.iter().map(|b| b.pixels_in(window)).sum(), 0);
+        self.blocks.iter().for_each(|block| block.store(film));
+        Some(passes)
+    }
+
+    /// As [`relative_error`], of the blocks.
+    #[allow(clippy::cast_precision_loss, reason = "a count of pixels")]
+    fn relative_error(&self, window: Window) -> f64 {
+        let sums = self.blocks.iter().map(|block| block.relative_squares(window));
+        let (sum, count) = sums.fold((0.0, 0), |(s, n), (t, m)| (s + t, n + m));
+        (sum / count.max(1) as f64).sqrt()
+    }
+}
+
+const _: () = assert!(LEAST_RUNS as usize == 4 * REPLICATES);
