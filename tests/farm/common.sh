@@ -7,7 +7,7 @@ work=$(mktemp -d "${TMPDIR:-/tmp}/graeco-farm.XXXXXX")
 # Six frames of two parts, each some seconds of work, so that a signal finds a task in the middle.
 scene=$root/animations/newton.glb
 frames=1-11:2
-settings=(--size=192x108 --runs="${FARM_RUNS:-64}" --bounces=1 --aov=depth,variance)
+settings=(--size=192x108 --runs="${FARM_RUNS:-32}" --bounces=1 --aov=depth,variance)
 
 fail() {
     echo "FAILED: $*" >&2
@@ -30,12 +30,12 @@ exec "$GRAECO" "\$@"
 WORKER
 chmod +x "$work/worker"
 
-# Waits until task $1 (FRAMES.TILE) has recorded a part of its work, that is until a file of the folder $2 that matches
-# $3 is larger than $4 bytes, then prints the number of its process.
+# Waits until task $1 (FRAMES.TILE) has recorded a part of its work, that is until the journal of its part, the file $2,
+# is larger than a header and a block of 16 x 16 pixels, then prints the number of its process.
 in_the_middle() {
     local try pid
     for ((try = 0; try < 6000; try++)); do
-        if [ -s "$work/tasks/$1" ] && [ -n "$(find "$2" -name "$3" -size "+$4c" -print -quit 2>/dev/null)" ]; then
+        if [ -s "$work/tasks/$1" ] && [ -n "$(find "$2" -size +30000c 2>/dev/null)" ]; then
             pid=$(tail -n 1 "$work/tasks/$1")
             kill -0 "$pid" 2>/dev/null || fail "task $1 ended before it could be struck"
             echo "$pid"

@@ -13,11 +13,11 @@ single_machine
 "$openjd" check job.yaml
 job=("$openjd" run job.yaml --step Merge --run-dependencies -p Graeco="$work/worker" -p Scene="$scene")
 
-# Runs the job and strikes the task $2 with the signal $1; the run must fail.
+# Runs the job and strikes the task $2, which makes the file $3, with the signal $1; the run must fail.
 struck_run() {
     "${job[@]}" >"run-$1.log" 2>&1 &
     local run=$! pid
-    pid=$(in_the_middle "$2" out/parts "*.partial" 2000)
+    pid=$(in_the_middle "$2" "$3.partial")
     kill "-$1" "$pid"
     if wait "$run"; then fail "the run succeeded although $2 was struck by $1"; fi
     grep -q "openjd_progress" "run-$1.log" || fail "no progress was reported"
@@ -25,10 +25,11 @@ struck_run() {
     echo "task $2 was struck by $1 in the middle"
 }
 
-struck_run KILL 3.2-2
-struck_run TERM 7.1-2
+struck_run KILL 3.2-2 out/parts/newton.0003.2.part
+struck_run TERM 7.1-2 out/parts/newton.0007.1.part
 grep -q "exited with code: 75" run-TERM.log || fail "a request to stop does not end with exit code 75"
 "${job[@]}" >run.log 2>&1 || { tail -n 40 run.log >&2; fail "the last run failed"; }
 same_frames out
-# Struck tasks were begun twice, all others that were finished are recognised and not rendered again.
-[ "$(wc -l <tasks/3.2-2)" -ge 2 ] || fail "the killed task was not run again"
+grep -q "0003.2.part: [0-9]* of [0-9]* blocks were done before" run-TERM.log || fail "the killed task began anew"
+grep -q "0007.1.part: [0-9]* of [0-9]* blocks were done before" run.log || fail "the stopped task began anew"
+grep -q "0005.1.part: finished before, kept" run.log || fail "a finished task was rendered again"

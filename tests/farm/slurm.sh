@@ -23,12 +23,12 @@ merge=$(sed -n 's/^merge: //p' submitted)
 [[ $arrays == *:* ]] || fail "12 tasks were not cut into arrays of 8"
 first=${arrays%%:*}
 
-# Task 1 is frame 1, tile 2 of 2; task 2 is frame 3, tile 1.
-kill -KILL "$(in_the_middle 1.2-2 out/parts "*.partial" 2000)"
+# Task 1 is frame 1, tile 2 of 2; task 6, which begins later, is frame 7, tile 1.
+kill -KILL "$(in_the_middle 1.2-2 out/parts/newton.0001.2.part.partial)"
 echo "task 1 was killed in the middle"
-in_the_middle 3.1-2 out/parts "*.partial" 2000 >/dev/null
-scancel --signal=TERM --full "${first}_2"
-echo "task 2 was told to stop in the middle"
+in_the_middle 7.1-2 out/parts/newton.0007.1.part.partial >/dev/null
+scancel --signal=TERM --full "${first}_6"
+echo "task 6 was told to stop in the middle"
 
 finished() {
     local try
@@ -40,9 +40,12 @@ finished() {
     fail "jobs do not end"
 }
 finished
-cat slurm-"${first}"_1.out slurm-"${first}"_2.out
+cat slurm-"${first}"_1.out slurm-"${first}"_6.out
 grep -q "exit code 137: requeued" slurm-"${first}"_1.out || fail "the killed task did not requeue itself"
-grep -q "exit code \(75\|143\): requeued" slurm-"${first}"_2.out || fail "the stopped task did not requeue itself"
+grep -q "exit code \(75\|143\): requeued" slurm-"${first}"_6.out || fail "the stopped task did not requeue itself"
+for part in 0001.2 0007.1; do
+    grep -q "$part.part: [0-9]* of [0-9]* blocks were done before" slurm-"$first"_[16].out || fail "$part began anew"
+done
 cat slurm-"${merge}"_0.out
 same_frames out
 
