@@ -27,6 +27,7 @@ mod study_mirror;
 mod study_motion;
 mod study_patterns;
 mod study_spectrum;
+mod study_texture;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -93,6 +94,12 @@ enum Study {
     Motion(Box<study_motion::StudyMotionArgs>),
     #[command(mut_arg("scene", |one| one.required(false).default_value("animations/mirror.glb")))]
     Mirror(Box<study_mirror::StudyMirrorArgs>),
+    #[command(
+        mut_arg("scene", |one| one.required(false).default_value("checker")),
+        mut_arg("runs", |one| one.long("runs-of-render").short('R').hide(true)),
+        mut_arg("texture_filter", |one| one.hide(true))
+    )]
+    Texture(Box<study_texture::StudyTextureArgs>),
 }
 
 impl Cli {
@@ -125,6 +132,7 @@ impl Cli {
             Command::Study(Study::Spectrum(args)) => study_spectrum::run(args)?,
             Command::Study(Study::Motion(args)) => study_motion::run(args)?,
             Command::Study(Study::Mirror(args)) => study_mirror::run(args)?,
+            Command::Study(Study::Texture(args)) => study_texture::run(args)?,
         }
         Ok(ExitCode::SUCCESS)
     }

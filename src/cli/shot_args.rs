@@ -138,7 +138,8 @@ pub(crate) struct ShotArgs {
     #[arg(long, value_name = "NAME", default_value = "box", help_heading = SAMPLING)]
     pub(crate) filter: FilterSpec,
 
-    /// How textures are read: point (full resolution), mip (trilinear), stochastic (one texel drawn by mip's weights)
+    /// How textures are read: point (full resolution), mip (trilinear), stochastic (one texel drawn by mip's weights), ewa
+    /// (every texel under the pixel's ellipse), stochastic-ewa (one texel drawn along that ellipse)
     #[arg(long, value_name = "NAME", default_value = "stochastic", value_parser = parse_texture_filter, help_heading = SAMPLING)]
     pub(crate) texture_filter: TextureFilter,
 
@@ -299,6 +300,8 @@ fn parse_texture_filter(text: &str) -> Result<TextureFilter, String> {
         "point" => Ok(TextureFilter::Point),
         "mip" => Ok(TextureFilter::Mip),
         "stochastic" => Ok(TextureFilter::Stochastic),
-        _ => Err("expected point, mip or stochastic".into()),
+        "ewa" => Ok(TextureFilter::Ewa),
+        "stochastic-ewa" => Ok(TextureFilter::StochasticEwa),
+        _ => Err("expected point, mip, stochastic, ewa or stochastic-ewa".into()),
     }
 }

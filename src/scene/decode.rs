@@ -146,3 +146,90 @@ fn ktx2(bytes: &[u8], (width, height): (u32, u32), most: u64) -> Result<Decoded,
     }
     Ok(Decoded { width, height, pixels: Pixels::Rgba8(pixels) })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A PNG of `depth` with the given samples, by the crate `png`, not `image`, which reads it.
+    fn png(width: u32, height: u32, depth: png::BitDepth, data: &[u8]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(png::ColorType::Rgba);
+        encoder.set_depth(depth);
+        encoder.write_header().unwrap().write_image_data(data).unwrap();
+        bytes
+    }
+
+    /// CRC-32 of ISO 3309, bit by bit, as PNG defines it.
+    fn crc(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(u32::MAX, |mut crc, &byte| {
+            crc ^= u32::from(byte);
+            for _ in 0..8 {
+                crc = crc >> 1 ^ if crc & 1 == 1 { 0xEDB8_8320 } else { 0 };
+            }
+            crc
+        })
+    }
+
+    /// The file with another size in its header, which is otherwise in order.
+    fn claiming(mut bytes: Vec<u8>, width: u32, height: u32) -> Vec<u8> {
+        bytes[16..20].copy_from_slice(&width.to_be_bytes());
+        bytes[20..24].copy_from_slice(&height.to_be_bytes());
+        let sum = crc(&bytes[12..29]);
+        bytes[29..33].copy_from_slice(&sum.to_be_bytes());
+        bytes
+    }
+
+    #[test]
+    fn sixteen_bits_a_channel_arrive_as_they_were_stored() {
+        let values = [[0_u16, 1, 255, 256], [65_535, 40_000, 32_768, 257]];
+        let data: Vec<u8> = values.iter().flatten().flat_map(|v| v.to_be_bytes()).collect();
+        let decoded = picture(&png(2, 1, png::BitDepth::Sixteen, &data), 1 << 20).unwrap();
+        let Pixels::Rgba16(pixels) = decoded.pixels else { panic!("not 16 bits: {:?}", decoded.pixels) };
+        assert_eq!(pixels, values);
+    }
+
+    #[test]
+    fn lossless_webp_arrives_as_it_was_stored() {
+        let values: Vec<u8> = (0..4 * 6).map(|i: u8| i.wrapping_mul(41) | 1).collect();
+        let mut bytes = Vec::new();
+        let encoder = image::codecs::webp::WebPEncoder::new_lossless(&mut bytes);
+        encoder.encode(&values, 3, 2, image::ExtendedColorType::Rgba8).unwrap();
+        let decoded = picture(&bytes, 1 << 20).unwrap();
+        let Pixels::Rgba8(pixels) = decoded.pixels else { panic!("not 8 bits") };
+        assert_eq!((decoded.width, decoded.height, pixels.as_flattened()), (3, 2, values.as_slice()));
+    }
+
+    #[test]
+    fn a_small_file_that_claims_a_huge_picture_is_refused_by_its_header() {
+        let small = png(1, 1, png::BitDepth::Eight, &[1, 2, 3, 4]);
+        let bomb = claiming(small.clone(), 60_000, 60_000);
+        assert_eq!(size(&bomb).unwrap(), 60_000 * 60_000 * 4);
+        let problem = picture(&bomb, 1 << 30).unwrap_err();
+        assert!(problem.contains("take more than 1024 MiB"), "{problem}");
+        let problem = picture(&claiming(small.clone(), 65_537, 1), 1 << 30).unwrap_err();
+        assert!(problem.contains("expected 1 to 65536 each way"), "{problem}");
+        // Within the bound the header is believed and the missing rows are an error.
+        assert!(picture(&claiming(small.clone(), 300, 300), 1 << 30).is_err());
+        // The limit itself is allowed.
+        assert!(picture(&small, 4).is_ok() && picture(&small, 3).is_err());
+    }
+
+    #[test]
+    fn a_ktx2_file_cannot_make_the_transcoder_allocate_at_will() {
+        let mut bytes = vec![0; 256];
+        bytes[..12].copy_from_slice(b"\xabKTX 20\xbb\r\n\x1a\n");
+        bytes[20..24].copy_from_slice(&4_u32.to_le_bytes());
+        bytes[24..28].copy_from_slice(&4_u32.to_le_bytes());
+        bytes[40..44].copy_from_slice(&1_u32.to_le_bytes());
+        bytes[96..104].copy_from_slice(&(1_u64 << 50).to_le_bytes());
+        let problem = picture(&bytes, 1 << 30).unwrap_err();
+        assert!(problem.contains("level 0 takes"), "{problem}");
+        bytes[40..44].copy_from_slice(&4_000_000_000_u32.to_le_bytes());
+        assert!(picture(&bytes, 1 << 30).unwrap_err().contains("at most 32"));
+        for length in 0..bytes.len() {
+            assert!(picture(&bytes[..length], 1 << 30).is_err(), "{length}");
+        }
+    }
+}

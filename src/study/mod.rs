@@ -17,3 +17,4 @@ pub mod patterns;
 pub mod plots;
 pub mod poster;
 pub mod sheet;
+pub mod texture;

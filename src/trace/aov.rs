@@ -117,7 +117,7 @@ impl<'a> Observer<'a> {
     }
 
     fn hit(&self, film: FilmPoint, ray: Ray) -> Option<FirstHit> {
-        let footprint = Footprint { width: 0.0, u: 0.5 };
+        let footprint = Footprint::point(0.5);
         let hit = self.accel.closest(&ray, |hit| {
             let s = self.accel.surface(self.scene, self.stage, &ray, hit);
             self.materials.alpha(self.scene, s.material, &s.uvs, s.color.w, footprint) >= 0.5

@@ -128,7 +128,7 @@ impl<'a> PathTracer<'a> {
     fn is_there(&self, hit: &Hit, ray: &Ray, point: &Point<'_>, salt: u32) -> bool {
         let Parts { scene, stage, accel, materials, .. } = self.parts;
         let surface = accel.surface(scene, stage, ray, hit);
-        let footprint = Footprint { width: 0.0, u: 0.5 };
+        let footprint = Footprint::point(0.5);
         let alpha = materials.alpha(scene, surface.material, &surface.uvs, surface.color.w, footprint);
         if alpha >= 1.0 || alpha <= 0.0 {
             return alpha >= 1.0;

@@ -4,7 +4,7 @@ use super::accel::absolute;
 use super::ray::Hit;
 use crate::numeric::gamma;
 use crate::scene::{MaterialId, Mesh, MeshId};
-use glam::{Affine3A, DVec3, Mat3A, Vec2, Vec3A, Vec4};
+use glam::{Affine3A, DVec2, DVec3, Mat3A, Vec2, Vec3A, Vec4};
 
 /// The most texture coordinate sets that a material may read.
 pub const MAX_UV_SETS: usize = 4;
@@ -37,8 +37,9 @@ pub struct SurfacePoint {
     pub triangle: u32,
     /// Area of the triangle in world space at this instant, m²: for the density of light sampling.
     pub triangle_area: f32,
-    /// Area of the triangle in texture space (set 0) over its area in world space: for texture filtering; 0 if none.
-    pub uv_density: f32,
+    /// How the texture coordinates of set 0 change along the surface: their gradients in world space, 1/m, which lie in
+    /// the triangle's plane; zero if there are none.
+    pub uv_gradients: [Vec3A; 2],
 }
 
 /// A triangle's corners at the ray's instant.
@@ -65,7 +66,8 @@ impl SurfacePoint {
         let (position, error) = located(&corners.space, weights, corners.transform.as_ref());
         let side = if corners.matrix.matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
         let cofactors = cofactors(&corners.matrix.matrix3) * side;
-        let (geometric_normal, triangle_area) = face(corners, &cofactors, side);
+        let (geometric_normal, edges) = face(corners, &cofactors, side);
+        let across = edges[0].cross(edges[1]).length();
         let blended = |value: &dyn Fn(&Vertex) -> Vec3A| {
             value(&vertices[0]) * weights[0] + value(&vertices[1]) * weights[1] + value(&vertices[2]) * weights[2]
         };
@@ -79,9 +81,9 @@ impl SurfacePoint {
         for (uv, set) in uvs.iter_mut().zip(&mesh.uvs) {
             *uv = set[indices[0]] * weights[0] + set[indices[1]] * weights[1] + set[indices[2]] * weights[2];
         }
-        let uv_area = mesh.uvs.first().map_or(0.0, |set| {
-            let [a, b, c] = indices.map(|i| set[i]);
-            0.5 * (b - a).perp_dot(c - a).abs()
+        let uv_gradients = mesh.uvs.first().map_or([Vec3A::ZERO; 2], |set| {
+            let [a, b, c] = indices.map(|i| set[i].as_dvec2());
+            gradients(edges, [b - a, c - a], geometric_normal.as_dvec3(), across)
         });
         let color = if mesh.colors.is_empty() {
             Vec4::ONE
@@ -101,8 +103,8 @@ impl SurfacePoint {
             mesh: id,
             instance: hit.instance,
             triangle: hit.triangle,
-            triangle_area: triangle_area as f32,
-            uv_density: if triangle_area > 0.0 { (f64::from(uv_area) / triangle_area) as f32 } else { 0.0 },
+            triangle_area: (0.5 * across) as f32,
+            uv_gradients,
         }
     }
 
@@ -144,22 +146,29 @@ fn located(corners: &[Vec3A; 3], weights: [f32; 3], transform: Option<&Affine3A>
     (world, forward + if back.is_finite() { back } else { Vec3A::ZERO })
 }
 
-/// Unit normal of the front side, and area in the world.
-fn face(corners: &Corners, cofactors: &Mat3A, side: f32) -> (Vec3A, f64) {
-    let cross = |p: [DVec3; 3]| (p[1] - p[0]).cross(p[2] - p[0]);
+/// Unit normal of the front side, and the two edges from the first corner, in the world.
+fn face(corners: &Corners, cofactors: &Mat3A, side: f32) -> (Vec3A, [DVec3; 2]) {
     let space = corners.space.map(|p| p.as_dvec3());
+    let edges = [space[1] - space[0], space[2] - space[0]];
+    let n = edges[0].cross(edges[1]);
     let Some(m) = &corners.transform else {
         // Winding in the world is the geometry's, reversed by a mirror.
-        let n = cross(space);
-        return (unit64(n * f64::from(side)), 0.5 * n.length());
+        return (unit64(n * f64::from(side)), edges);
     };
     let linear = m.matrix3;
-    let edges = [space[1] - space[0], space[2] - space[0]]
-        .map(|e| linear.x_axis.as_dvec3() * e.x + linear.y_axis.as_dvec3() * e.y + linear.z_axis.as_dvec3() * e.z);
-    let area = 0.5 * edges[0].cross(edges[1]).length();
-    let n = cross(space);
+    let edges =
+        edges.map(|e| linear.x_axis.as_dvec3() * e.x + linear.y_axis.as_dvec3() * e.y + linear.z_axis.as_dvec3() * e.z);
     let n = cofactors.x_axis.as_dvec3() * n.x + cofactors.y_axis.as_dvec3() * n.y + cofactors.z_axis.as_dvec3() * n.z;
-    (unit64(n), area)
+    (unit64(n), edges)
+}
+
+/// Gradients in the plane with unit normal `n` of two functions that change by `changes` along `edges`; `across` is the
+/// length of the edges' cross product.
+fn gradients(edges: [DVec3; 2], changes: [DVec2; 2], n: DVec3, across: f64) -> [Vec3A; 2] {
+    let (a, b) = (edges[1].cross(n), n.cross(edges[0]));
+    let gradient = |first: f64, second: f64| ((a * first + b * second) / across).as_vec3a();
+    let both = [gradient(changes[0].x, changes[1].x), gradient(changes[0].y, changes[1].y)];
+    if both.iter().all(|g| g.is_finite()) { both } else { [Vec3A::ZERO; 2] }
 }
 
 /// The matrix of cofactors, det(m) m⁻ᵀ: takes normals along, singular matrices of rank two included.

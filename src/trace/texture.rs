@@ -2,14 +2,19 @@
 //!
 //! An image is prepared once for each use that the materials make of it (sRGB colour or linear data) as a pyramid of
 //! box-filtered levels in linear light (Williams 1983). The full-resolution level is not copied: it is decoded from
-//! the scene's own pixels by table. A lookup states the width of its footprint in texture coordinates, which the
-//! integrator carries along the ray as a cone (Akenine-Möller et al. 2021, "Improved Shader and Texture Level of
-//! Detail Using Ray Cones").
+//! the scene's own pixels by table. A lookup states its footprint in texture coordinates: the ellipse in which the
+//! surface cuts the cone that the integrator carries along the ray (Akenine-Möller et al. 2021, "Improved Shader and
+//! Texture Level of Detail Using Ray Cones"). The cone stays round where a flat mirror or a pane turns it; what a curved
+//! mirror does to its shape is not carried along.
 //!
 //! Limits: levels above the first hold 16 bits a channel for 8- and 16-bit images, a rounding of at most 2⁻¹⁷ of full
-//! scale; footprints are taken as round in texel space, so grazing views blur along the short axis too.
+//! scale; the footprint is that of texture coordinate set 0, whichever set is read.
 
+mod ewa;
+mod footprint;
 mod pyramid;
+
+pub use footprint::Footprint;
 
 use crate::numeric::ONE_MINUS;
 use crate::scene::texture::TexelFilter;
@@ -23,13 +28,28 @@ use pyramid::{Pyramid, decode};
 pub enum TextureFilter {
     /// The full-resolution level alone, whatever the footprint: every texel's detail, and its aliasing.
     Point,
-    /// Two neighbouring levels blended by footprint (trilinear).
+    /// Two neighbouring levels blended by a round footprint of equal area (trilinear).
     Mip,
     /// One texel, drawn with the probability that [`TextureFilter::Mip`] would weigh it: the same mean for an eighth
     /// of the reads, and filtering after shading instead of before (Fajardo et al. 2023, "Stochastic Texture
     /// Filtering").
     #[default]
     Stochastic,
+    /// One texel: of trilinear lookups side by side along the footprint's ellipse, as wide as its short axis, one is
+    /// drawn, and of that one texel with the probability of its weight.
+    #[serde(rename = "stochastic-ewa")]
+    StochasticEwa,
+    /// Every texel under the footprint's ellipse, weighted by a Gaussian (Heckbert 1989, "Fundamentals of Texture Mapping
+    /// and Image Warping", §3.5.9: the elliptical weighted average).
+    Ewa,
+}
+
+impl TextureFilter {
+    /// Whether lookups draw a texel at random.
+    #[must_use]
+    pub fn draws(self) -> bool {
+        matches!(self, Self::Stochastic | Self::StochasticEwa)
+    }
 }
 
 /// How an image's numbers are meant: decided by the use, not the file.
@@ -39,15 +59,6 @@ pub enum ColorSpace {
     Srgb,
     /// Plain numbers.
     Linear,
-}
-
-/// Extent and random choice of one lookup.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Footprint {
-    /// Diameter in texture coordinates of set 0, before the reference's own transform; 0 is a point.
-    pub width: f32,
-    /// Coordinate in [0, 1) that [`TextureFilter::Stochastic`] chooses a texel by.
-    pub u: f32,
 }
 
 /// All textures of a scene, prepared for lookup.
@@ -102,23 +113,47 @@ impl Textures {
         let image = &scene.images[texture.image];
         let uv = reference.transform.transform_point2(uvs.get(reference.uv_set).copied().unwrap_or_default());
         let sampler = Sampler { texture, image, space, pyramid: self.pyramids[texture.image][space as usize].as_ref() };
-        let scale = reference.transform.matrix2.determinant().abs().sqrt();
-        let texels = footprint.width * scale * (image.width as f32 * image.height as f32).sqrt();
+        if self.filter == TextureFilter::Point || !texture.mipmapped {
+            // A sampler without levels asks for the full resolution at any distance.
+            return match self.filter {
+                TextureFilter::Stochastic | TextureFilter::StochasticEwa => {
+                    sampler.drawn(0, uv, texture.magnify, footprint.u)
+                }
+                _ => sampler.blended(0, uv, texture.magnify),
+            };
+        }
+        let size = Vec2::new(image.width as f32, image.height as f32);
+        let ellipse = footprint.in_texels(&reference.transform.matrix2, size);
         let top = sampler.pyramid.map_or(0, Pyramid::top);
-        let level = if texture.mipmapped && texels > 1.0 { libm::log2f(texels).min(top as f32) } else { 0.0 };
+        let level_of = |texels: f32| if texels > 1.0 { libm::log2f(texels).min(top as f32) } else { 0.0 };
         match self.filter {
-            TextureFilter::Point => sampler.blended(0, uv, texture.magnify),
-            TextureFilter::Mip => {
+            TextureFilter::Mip | TextureFilter::Point => {
+                let level = level_of(ellipse.round_width());
                 let filter = if level > 0.0 { texture.minify } else { texture.magnify };
                 let (below, share) = whole_and_part(level);
                 let a = sampler.blended(below, uv, filter);
                 if share > 0.0 { a.lerp(sampler.blended(below + 1, uv, filter), share) } else { a }
             }
-            TextureFilter::Stochastic => {
+            TextureFilter::Stochastic | TextureFilter::StochasticEwa => {
+                let (level, place, u) = if self.filter == TextureFilter::Stochastic {
+                    (level_of(ellipse.round_width()), Vec2::ZERO, footprint.u)
+                } else {
+                    let axes = ellipse.axes();
+                    let (place, u) = axes.choose(footprint.u);
+                    (level_of(axes.minor), place, u)
+                };
                 let filter = if level > 0.0 { texture.minify } else { texture.magnify };
                 let (below, share) = whole_and_part(level);
-                let (above, u) = choose(footprint.u, share);
-                sampler.drawn(below + usize::from(above), uv, filter, u)
+                let (above, u) = choose(u, share);
+                sampler.drawn(below + usize::from(above), uv + place / size, filter, u)
+            }
+            TextureFilter::Ewa => {
+                let axes = ellipse.axes();
+                if axes.major <= 1.0 {
+                    return sampler.blended(0, uv, texture.magnify);
+                }
+                let (level, _) = whole_and_part(level_of(axes.minor));
+                sampler.ewa(level, uv, &axes)
             }
         }
     }
@@ -258,7 +293,7 @@ fn wrapped(coordinate: f32, wrap: Wrap) -> f32 {
     }
 }
 
-/// The texel index from −1 to `size`, folded into range.
+/// Any texel index, folded into range as the wrap mode says.
 #[allow(
     clippy::cast_possible_wrap,
     clippy::cast_sign_loss,
@@ -268,8 +303,12 @@ fn index(i: i32, size: u32, wrap: Wrap) -> u32 {
     let size = size as i32;
     (match wrap {
         Wrap::Repeat => i.rem_euclid(size),
-        // After folding, the neighbour across a mirrored edge is the edge texel itself.
-        Wrap::Clamp | Wrap::Mirror => i.clamp(0, size - 1),
+        Wrap::Clamp => i.clamp(0, size - 1),
+        // Two periods make one of the mirrored picture; the neighbour across an edge is the edge texel itself.
+        Wrap::Mirror => {
+            let place = i.rem_euclid(2 * size);
+            place.min(2 * size - 1 - place)
+        }
     }) as u32
 }
 

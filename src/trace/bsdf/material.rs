@@ -66,7 +66,7 @@ impl Materials {
                     textured = true;
                     true
                 });
-                textured && filter == TextureFilter::Stochastic
+                textured && filter.draws()
             })
             .collect();
         Self { textures: Textures::new(scene, filter), glass, media, draws }
@@ -78,7 +78,7 @@ impl Materials {
         &self.textures
     }
 
-    /// Whether evaluating `material` needs a number for its textures: [`TextureFilter::Stochastic`] with any texture.
+    /// Whether evaluating `material` needs a number for its textures: a filter that draws, with any texture.
     #[must_use]
     pub fn draws_texels(&self, material: MaterialId) -> bool {
         self.draws[material]

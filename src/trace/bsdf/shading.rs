@@ -105,13 +105,19 @@ fn dispersed(medium: Medium, material: &Material, wavelength_nm: Option<f32>) ->
     }
 }
 
-/// The cone's cross-section laid on the surface, as a width in texture coordinates.
+/// The cone's round cross-section, laid on the surface along the view: an ellipse in texture coordinates.
+///
+/// A displacement c across the ray meets the plane at c − wo (c·n)/(wo·n); along that the coordinate u with gradient g
+/// changes by c · (g − n (g·wo)/(wo·n)). The vectors in brackets are perpendicular to wo, so their products times the
+/// width squared are the ellipse.
 fn footprint_of(point: &SurfacePoint, wo: Vec3A, query: ShadingQuery) -> Footprint {
-    // The ellipse on the surface is 1 / cos longer than wide; a round footprint of equal area lies between blurring
-    // along it and aliasing across it.
-    let cos = wo.dot(point.geometric_normal).abs().max(1e-4);
-    let width = query.cone_width * point.uv_density.max(0.0).sqrt() / cos.sqrt();
-    Footprint { width: if width.is_finite() { width } else { f32::MAX }, u: query.u_texture }
+    /// Nearer to the horizon than this the ellipse is as long as it is here: half a metre for a pixel of a millimetre.
+    const LEAST_COSINE: f32 = 1.0 / 512.0;
+    let n = point.geometric_normal;
+    let cos = wo.dot(n);
+    let cos = if cos.abs() < LEAST_COSINE { LEAST_COSINE.copysign(cos) } else { cos };
+    let [u, v] = point.uv_gradients.map(|g| (g - n * (g.dot(wo) / cos)) * query.cone_width);
+    Footprint::ellipse([u.dot(u), u.dot(v), v.dot(v)], query.u_texture)
 }
 
 /// How the point is seen.

@@ -321,7 +321,7 @@ fn mean_emission(
         let inner: Vec2 = small.corners().into_iter().sum::<Vec2>() / 3.0;
         let b = corners[0] * (1.0 - inner.x - inner.y) + corners[1] * inner.x + corners[2] * inner.y;
         // The mean over the stochastic filter's choices comes from its middle; every level keeps the mean.
-        sum += materials.emission(scene, material, &uv_of(b), Footprint { width, u: 0.5 });
+        sum += materials.emission(scene, material, &uv_of(b), Footprint::round(width, 0.5));
     }
     sum / 16.0
 }

@@ -261,7 +261,7 @@ impl<'a> Lights<'a> {
             &self.scene.meshes[self.stage.geometries[self.stage.instances[emitter.instance as usize].geometry].mesh];
         let b = self.emitters.whole_barycentric(number, barycentric);
         let (uvs, alpha) = attributes_at(mesh, emitter.triangle, b);
-        let footprint = Footprint { width: 0.0, u };
+        let footprint = Footprint::point(u);
         self.materials.emission(self.scene, mesh.material, &uvs, footprint)
             * self.materials.alpha(self.scene, mesh.material, &uvs, alpha, footprint)
     }
