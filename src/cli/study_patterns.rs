@@ -14,7 +14,7 @@ pub(crate) struct StudyPatternsArgs {
     #[arg(
         long,
         value_delimiter = ',',
-        default_value = "random,jittered,poisson-disk,latin-hypercube,latin-square,\
+        default_value = "random,jittered,poisson-disk,point-diffusion,latin-hypercube,latin-square,\
         orthogonal,orthogonal-correlated,sobol,nested,strong"
     )]
     designs: Vec<Kind>,

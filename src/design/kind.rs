@@ -30,6 +30,8 @@ pub enum Kind {
     Sobol,
     /// Film positions by dart throwing, other factors independent: for study.
     PoissonDisk,
+    /// Film positions by point diffusion (Mitchell 1987), other factors independent: for study.
+    PointDiffusion,
     /// A digital net tuned by search for one number of runs (a power of two), Owen-scrambled.
     Strong,
     /// A digital sequence tuned by search for all its prefixes, Owen-scrambled.
@@ -41,7 +43,7 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, [`Kind::Auto`] last.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Random,
         Self::Jittered,
         Self::LatinHypercube,
@@ -51,6 +53,7 @@ impl Kind {
         Self::OrthogonalStrength3,
         Self::Sobol,
         Self::PoissonDisk,
+        Self::PointDiffusion,
         Self::Strong,
         Self::Nested,
         Self::Auto,
@@ -69,6 +72,7 @@ impl Kind {
             Self::OrthogonalStrength3 => "orthogonal-3",
             Self::Sobol => "sobol",
             Self::PoissonDisk => "poisson-disk",
+            Self::PointDiffusion => "point-diffusion",
             Self::Strong => "strong",
             Self::Nested => "nested",
             Self::Auto => "auto",

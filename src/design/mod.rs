@@ -27,6 +27,8 @@ mod kind;
 pub mod nets;
 mod nets_data;
 mod point;
+mod refine;
+mod strata;
 mod void_and_cluster;
 
 pub use crate::factor::Factor;

@@ -3,17 +3,15 @@
 use super::address::PixelAddress;
 use super::array::OrthogonalArray;
 use super::choose::{Choice, choose, cube_root, square_root};
-use super::disk::DiskTiles;
+use super::disk::{DiskTiles, Process};
 use super::dither::{self, Place, ZOrder};
-use super::hash::{fill_permutation, permute, point_in_stratum, scramble_reversed, shuffle_index, subkey, subseed};
+use super::hash::{permute, scramble_reversed, shuffle_index, subkey, subseed};
 use super::kind::{Dither, Kind, Mask, Over};
 use super::nets::{self, NetTables};
+use super::refine::{ArrayMethod, Levels};
+use super::strata::Strata;
 use crate::factor::Factor;
 use crate::numeric;
-
-/// Most levels, and most columns, of an array whose permutations are kept per pixel.
-const MAX_LEVELS: usize = 32;
-const MAX_COLUMNS: usize = MAX_LEVELS + 1;
 
 /// Marks a factor that the design has no column for.
 const PAD: u8 = u8::MAX;
@@ -66,81 +64,14 @@ enum Method {
     Disk(DiskTiles),
 }
 
-/// An orthogonal array, refined.
-#[derive(Debug, Clone)]
-struct ArrayMethod {
-    array: OrthogonalArray,
-    /// Columns in use.
-    columns: usize,
-    /// Whether one permutation refines all levels of a factor, by the level of its partner.
-    correlated: bool,
-    /// `[run][column]`: which of the runs on its level this is.
-    ranks: Vec<u16>,
-    /// Runs on each level.
-    per_level: u32,
-    /// Permutations of a level's runs, one after the other; none where there are more than 32 runs on a level.
-    shuffles: Vec<u8>,
-    /// Where each stratum of 1/N starts, in 2⁻²⁴, and the end of the last.
-    bounds: Vec<u32>,
-}
-
-/// Permutations that refinement chooses from; a turn of its own makes each place equally likely.
-const SHUFFLES: u64 = 256;
-
-impl ArrayMethod {
-    fn new(array: OrthogonalArray, factors: usize, correlated: bool) -> Self {
-        let columns = factors.min(array.columns());
-        let per_level = array.runs() / array.levels();
-        let mut ranks = Vec::with_capacity(array.runs() as usize * columns);
-        let mut seen = vec![0_u16; columns * array.levels() as usize];
-        for run in 0..array.runs() {
-            for column in 0..columns {
-                let count = &mut seen[column * array.levels() as usize + usize::from(array.level(run, column))];
-                // In an array of strength 2 and index unity a level meets each level of any other column once.
-                let partner = match column {
-                    0 | 1 => 1 - column,
-                    2 => 0,
-                    _ => ((column - 3) ^ 1) + 3,
-                };
-                let rank =
-                    if array.strength() == 2 && partner < array.columns() { array.level(run, partner) } else { *count };
-                ranks.push(rank);
-                *count += 1;
-            }
-        }
-        let mut shuffles = Vec::new();
-        if per_level as usize <= MAX_LEVELS {
-            for i in 0..SHUFFLES {
-                let mut shuffle = vec![0; per_level as usize];
-                fill_permutation(&mut shuffle, subkey(numeric::mix64(u64::from(per_level)), i));
-                shuffles.extend(shuffle);
-            }
-        }
-        let runs = array.runs();
-        let bounds = (0..runs).map(|stratum| point_in_stratum(stratum, runs, 0)).chain([1 << 24]).collect();
-        Self { array, columns, correlated, ranks, per_level, shuffles, bounds }
-    }
-
-    /// Where within its level a run of rank `rank` falls.
-    #[inline]
-    fn refined(&self, rank: u32, key: u64) -> u32 {
-        if self.shuffles.is_empty() {
-            return permute(rank, self.per_level, key);
-        }
-        let start = usize::try_from(key % SHUFFLES).unwrap_or(0) * self.per_level as usize;
-        #[allow(clippy::cast_possible_truncation, reason = "the upper half of a product with 32 bits")]
-        let turn = (((key >> 32) * u64::from(self.per_level)) >> 32) as u32;
-        let place = u32::from(self.shuffles[start + rank as usize]) + turn;
-        if place < self.per_level { place } else { place - self.per_level }
-    }
-}
-
 /// A design over the factors of one picture.
 #[derive(Debug, Clone)]
 pub struct Design {
     choice: Choice,
     seed_key: u64,
+    mask_key: u64,
     runs: u32,
+    strata: Strata,
     frames: u32,
     line_step: u32,
     factors: Vec<Factor>,
@@ -179,7 +110,19 @@ impl Design {
         let pad = NetTables::new(&pad, bits);
         let seed_key = numeric::mix64(options.seed ^ 0x6772_6165_636f);
         let line_step = options.line_step.max(1);
-        Self { choice, seed_key, runs, frames: options.frames, line_step, factors, columns, method, pad }
+        Self {
+            choice,
+            seed_key,
+            mask_key: subkey(seed_key, tag::MASK),
+            runs,
+            strata: Strata::new(runs),
+            frames: options.frames,
+            line_step,
+            factors,
+            columns,
+            method,
+            pad,
+        }
     }
 
     /// Runs a pixel.
@@ -231,14 +174,18 @@ impl Design {
             u64::from(address.x as u32) << 32 | u64::from(address.y as u32),
             (address.frame as u64) << 1 | u64::from(address.field),
         );
-        let key = subkey(subkey(self.seed_key, xy), time);
-        let mut pixel = PixelDesign { design: self, key, place, net_key: key, first: 0, levels: None };
-        match &self.method {
-            Method::Array(method) => pixel.levels = Levels::new(method, key),
-            Method::Picture(_, order) => (pixel.net_key, pixel.first) = order.locate(place, self.seed_key),
-            _ => {}
+        if let Method::Picture(_, order) = &self.method {
+            let (net_key, first) = order.locate(place, self.seed_key);
+            let key = subkey(net_key, tag::JITTER | u64::from(first) << 16);
+            let shuffle = subseed(net_key, tag::SHUFFLE);
+            return PixelDesign { design: self, key, place, net_key, first, shuffle, levels: None };
         }
-        pixel
+        let key = subkey(subkey(self.seed_key, xy), time);
+        let levels = match &self.method {
+            Method::Array(method) => Levels::new(method, subkey(key, tag::LEVELS)),
+            _ => None,
+        };
+        PixelDesign { design: self, key, place, net_key: key, first: 0, shuffle: 0, levels }
     }
 }
 
@@ -265,29 +212,11 @@ fn method(choice: &Choice, runs: u32, factors: usize, frames: u32, seed: u64) ->
         Kind::Orthogonal => array(square_root(runs).and_then(OrthogonalArray::bose), false),
         Kind::OrthogonalCorrelated => array(square_root(runs).and_then(OrthogonalArray::bose), true),
         Kind::OrthogonalStrength3 => array(cube_root(runs).and_then(OrthogonalArray::bush), false),
-        Kind::PoissonDisk => Method::Disk(DiskTiles::new(runs, seed)),
+        Kind::PoissonDisk => Method::Disk(DiskTiles::new(runs, seed, Process::Darts)),
+        Kind::PointDiffusion => Method::Disk(DiskTiles::new(runs, seed, Process::Diffusion)),
         Kind::Strong => net(nets::strong(bits)),
         Kind::Nested => net(nets::nested(bits)),
         Kind::Sobol | Kind::Auto => net(None),
-    }
-}
-
-/// Fresh permutations of every factor's levels in one pixel.
-#[derive(Debug, Clone, Copy)]
-struct Levels([[u8; MAX_LEVELS]; MAX_COLUMNS]);
-
-impl Levels {
-    /// None where an array has too many levels for a table: then they are permuted by hash.
-    fn new(method: &ArrayMethod, key: u64) -> Option<Self> {
-        let q = method.array.levels() as usize;
-        if q > MAX_LEVELS {
-            return None;
-        }
-        let mut levels = Self([[0; MAX_LEVELS]; MAX_COLUMNS]);
-        for (permutation, column) in levels.0[..method.columns].iter_mut().zip(0_u64..) {
-            fill_permutation(&mut permutation[..q], subkey(key, tag::LEVELS | column));
-        }
-        Some(levels)
     }
 }
 
@@ -301,6 +230,8 @@ pub struct PixelDesign<'a> {
     net_key: u64,
     /// Index of run 0 in the net.
     first: u32,
+    /// Seed of the net's shuffle, where pixels share it.
+    shuffle: u32,
     levels: Option<Levels>,
 }
 
@@ -311,7 +242,7 @@ impl PixelDesign<'_> {
     pub fn point(&self, run: u32) -> Point<'_> {
         let run = if run < self.design.runs { run } else { run % self.design.runs };
         let index = match &self.design.method {
-            Method::Picture(..) => shuffle_index(self.first.wrapping_add(run), 32, subseed(self.net_key, tag::SHUFFLE)),
+            Method::Picture(..) => shuffle_index(self.first.wrapping_add(run), 32, self.shuffle),
             _ => run,
         };
         Point { pixel: self, run, index }
@@ -335,7 +266,14 @@ impl Point<'_> {
     pub fn get(&self, factor: Factor) -> f32 {
         let design = self.pixel.design;
         let column = design.columns.get(usize::from(factor.index())).copied().unwrap_or(PAD);
-        let bits = match &design.method {
+        let masked = design.choice.dither.mask != Mask::None && self.is_masked(factor, column);
+        numeric::unit_from_bits(if masked { self.masked(factor, column) } else { self.drawn(factor, column) })
+    }
+
+    /// The coordinate's bits as the design itself has them.
+    #[inline]
+    fn drawn(&self, factor: Factor, column: u8) -> u32 {
+        match &self.pixel.design.method {
             Method::Net(net) | Method::Picture(net, _) if column != PAD => {
                 let seed = subseed(self.pixel.net_key, tag::SCRAMBLE | u64::from(column));
                 scramble_reversed(net.reversed(usize::from(column), self.index), seed).reverse_bits()
@@ -349,9 +287,7 @@ impl Point<'_> {
             Method::LatinHypercube | Method::Jittered => self.stratum_of_its_own(factor),
             _ if factor.is_extra() => self.stratum_of_its_own(factor),
             _ => self.pad(factor),
-        };
-        let bits = if design.choice.dither.mask == Mask::None { bits } else { self.dithered(factor, column, bits) };
-        numeric::unit_from_bits(bits)
+        }
     }
 
     /// 32 independent bits for `factor`.
@@ -363,56 +299,37 @@ impl Point<'_> {
 
     /// One of N strata of [0, 1), by a permutation of the factor's own.
     fn stratum_of_its_own(&self, factor: Factor) -> u32 {
-        let runs = self.pixel.design.runs;
+        let design = self.pixel.design;
         let key = subkey(self.pixel.key, tag::SHUFFLE | u64::from(factor.index()));
-        point_in_stratum(permute(self.run, runs, key), runs, self.jitter(factor)) << 8
+        let position = subseed(key, (1 << 32) | u64::from(self.run));
+        design.strata.point(permute(self.run, design.runs, key), position)
     }
 
-    /// One coordinate of a cell of N that tile the square of the factor's pair: rows of ⌊c⌋ or ⌈c⌉ cells, each row as
-    /// high as it has cells, so that every cell has area 1/N whatever N is.
+    /// One coordinate of a cell of N that tile the square of the factor's pair.
     fn jittered_pair(&self, factor: Factor) -> u32 {
-        let runs = self.pixel.design.runs;
+        let design = self.pixel.design;
         let place = if factor.index() < 2 { factor.index() } else { factor.index() - 3 };
         let (pair, second) = (place / 2 + u16::from(factor.index() > 2), place % 2 == 1);
-        let cell = permute(self.run, runs, subkey(self.pixel.key, tag::SHUFFLE | 1 << 16 | u64::from(pair)));
-        let rows = round_root(runs);
-        let (short, longer) = (runs / rows, runs % rows);
-        // The first `longer` rows have one cell more.
-        let split = longer * (short + 1);
-        let (start, width) = if cell < split {
-            (cell / (short + 1) * (short + 1), short + 1)
-        } else {
-            (split + (cell - split) / short * short, short)
-        };
-        let jitter = self.jitter(factor);
-        if second {
-            // The row's strip [start, start + width) of runs: its height in units of 1/N.
-            let position = u64::from(jitter) * u64::from(width);
-            #[allow(clippy::cast_possible_truncation, reason = "whole and fractional parts of 32 bits each")]
-            let (whole, fraction) = ((position >> 32) as u32, position as u32);
-            point_in_stratum(start + whole, runs, fraction) << 8
-        } else {
-            point_in_stratum(cell - start, width, jitter) << 8
-        }
+        let key = subkey(self.pixel.key, tag::SHUFFLE | 1 << 16 | u64::from(pair));
+        let position = subseed(key, (1 + u64::from(second)) << 32 | u64::from(self.run));
+        design.strata.cell_point(permute(self.run, design.runs, key), second, position)
     }
 
     /// The stratum that the array and its refinement give.
+    #[inline]
     fn array_level(&self, method: &ArrayMethod, column: usize) -> u32 {
-        let q = method.array.levels();
         let raw = method.array.level(self.run, column);
         let level = match &self.pixel.levels {
-            Some(levels) => u32::from(levels.0[column][usize::from(raw)]),
-            None => permute(u32::from(raw), q, subkey(self.pixel.key, tag::LEVELS | column as u64)),
+            Some(levels) => levels.image(column, raw),
+            None => {
+                let key = subkey(self.pixel.key, tag::LEVELS | column as u64);
+                permute(u32::from(raw), method.array.levels(), key)
+            }
         };
-        let rank = u32::from(method.ranks[self.run as usize * method.columns + column]);
         let group = if method.correlated { 0 } else { u64::from(level) + 1 };
         let key = subkey(self.pixel.key, tag::REFINE | group << 16 | column as u64);
-        let stratum = (level * method.per_level + method.refined(rank, key)) as usize;
-        let (low, high) = (method.bounds[stratum], method.bounds[stratum + 1]);
-        let position = u64::from(subseed(key, (1 << 32) | u64::from(self.run)));
-        #[allow(clippy::cast_possible_truncation, reason = "below the stratum's width")]
-        let offset = ((u64::from(high - low) * position) >> 32) as u32;
-        (low + offset) << 8
+        let stratum = level * method.per_level + method.refined(method.rank(self.run, column), key);
+        self.pixel.design.strata.point(stratum, subseed(key, (1 << 32) | u64::from(self.run)))
     }
 
     /// A factor of a further vertex: four factors share a net of their own, its runs shuffled against all others.
@@ -429,33 +346,32 @@ impl Point<'_> {
         scramble_reversed(design.pad.reversed(usize::from(column), run), subseed(key, u64::from(column))).reverse_bits()
     }
 
-    /// `bits` with the place inside its stratum of 1/N decided by the mask, if it governs `factor`.
-    fn dithered(&self, factor: Factor, column: u8, bits: u32) -> u32 {
-        let (design, place) = (self.pixel.design, self.pixel.place);
-        let Dither { mask, over } = design.choice.dither;
-        if (over == Over::Time && factor != Factor::SHUTTER) || factor.is_extra() || column == PAD {
-            return bits;
-        }
-        let column = u32::from(factor.index());
-        let key = subkey(design.seed_key, tag::MASK);
-        let jitter = self.jitter(factor);
-        let position = match mask {
-            Mask::Ordered => dither::ordered(4, place, column, key, jitter),
-            Mask::Ordered8 => dither::ordered(8, place, column, key, jitter),
-            Mask::BlueNoise => dither::blue_noise(place, column, key, jitter),
-            Mask::R2 => dither::r2(place, column, key),
-            Mask::ZOrder if over == Over::Time => ZOrder::position(place, column, design.seed_key, design.frames),
-            Mask::ZOrder | Mask::None | Mask::Auto => return bits,
+    /// Whether the mask governs `factor`.
+    #[inline]
+    fn is_masked(&self, factor: Factor, column: u8) -> bool {
+        let Dither { mask, over } = self.pixel.design.choice.dither;
+        let governed = over == Over::All || factor == Factor::SHUTTER;
+        governed && column != PAD && (mask != Mask::ZOrder || over == Over::Time)
+    }
+
+    /// The drawn coordinate with its place inside its stratum of 1/N decided by the mask.
+    fn masked(&self, factor: Factor, column: u8) -> u32 {
+        let (design, place, key) = (self.pixel.design, self.pixel.place, self.pixel.design.mask_key);
+        let stratum = if design.runs == 1 {
+            0
+        } else {
+            (u64::from(self.drawn(factor, column) >> 8) * u64::from(design.runs)) >> 24
         };
-        let stratum = (u64::from(bits >> 8) * u64::from(design.runs)) >> 24;
+        let column = u32::from(factor.index());
+        let position = match design.choice.dither.mask {
+            Mask::Ordered => dither::ordered(4, place, column, key, self.jitter(factor)),
+            Mask::Ordered8 => dither::ordered(8, place, column, key, self.jitter(factor)),
+            Mask::BlueNoise => dither::blue_noise(place, column, key, self.jitter(factor)),
+            Mask::R2 => dither::r2(place, column, key),
+            Mask::ZOrder | Mask::None | Mask::Auto => ZOrder::position(place, column, design.seed_key, design.frames),
+        };
         #[allow(clippy::cast_possible_truncation, reason = "below the number of runs")]
         let stratum = stratum as u32;
-        point_in_stratum(stratum, design.runs, position) << 8
+        design.strata.point(stratum, position)
     }
-}
-
-/// The whole number nearest to √n.
-fn round_root(n: u32) -> u32 {
-    let root = n.isqrt();
-    if n - root * root > root { root + 1 } else { root }
 }

@@ -16,6 +16,7 @@ pub(super) const fn colour(kind: Kind) -> RGBColor {
         Kind::OrthogonalCorrelated => RGBColor(160, 60, 0),
         Kind::OrthogonalStrength3 => RGBColor(110, 70, 40),
         Kind::Sobol => RGBColor(0, 114, 178),
+        Kind::PointDiffusion => RGBColor(150, 150, 60),
         Kind::PoissonDisk => RGBColor(100, 100, 60),
         Kind::Strong => RGBColor(0, 158, 115),
         Kind::Nested => RGBColor(86, 180, 233),
