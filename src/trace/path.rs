@@ -185,13 +185,15 @@ impl<'a> PathTracer<'a> {
         if contribution.max_element() <= 0.0 {
             return Vec3::ZERO;
         }
-        let ray = Ray {
-            origin: surface.spawn_origin(light.wi),
-            direction: light.wi,
-            t_max: light.distance,
-            u_time: path.ray.u_time,
-            backs: Backs::Stop,
+        let origin = surface.spawn_origin(light.wi);
+        // To the very point on the light: `distance` along `wi` from here, which is off the surface, would overshoot a
+        // light that the surface faces and meet it from where it shines.
+        let (direction, t_max) = if light.distance.is_finite() {
+            (surface.position + light.wi * light.distance - origin, 1.0)
+        } else {
+            (light.wi, f32::INFINITY)
         };
+        let ray = Ray { origin, direction, t_max, u_time: path.ray.u_time, backs: Backs::Stop };
         count_ray();
         let salt = SHADOW_SALT | u32::from(path.vertex);
         if self.parts.accel.occluded(&ray, |hit| self.is_there(hit, &ray, point, salt)) {

@@ -59,8 +59,8 @@ impl LightQuery {
 pub struct LightSample {
     /// Where it comes from, unit.
     pub wi: Vec3A,
-    /// How far a shadow ray along `wi` must be free: short of the light's own surface by the rounding of its place;
-    /// infinite for the sky.
+    /// How far the way along `wi` from the receiving point must be free: short of the light's own surface by the rounding
+    /// of its place; infinite for the sky.
     pub distance: f32,
     /// Radiance; for lights without extent the irradiance on a surface that faces them.
     pub radiance: Vec3,
