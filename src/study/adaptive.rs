@@ -61,11 +61,11 @@ pub fn coverage(film: &Film, reference: &Reference, reference_runs: u64) -> Cove
     for (pixel, truth) in film.pixels().iter().zip(&reference.rgb) {
         #[allow(clippy::cast_precision_loss, reason = "counts of runs")]
         let wider = 1.0 + f64::from(pixel.runs) / reference_runs as f64;
-        for c in 0..3 {
+        for (c, &true_value) in truth.iter().enumerate() {
             let (value, variance) = (f64::from(pixel.radiance[c]), f64::from(pixel.variance[c]));
-            let off = value - truth[c];
+            let off = value - true_value;
             // The reference is a mean of two values rounded to f32.
-            let rounding = f64::from(f32::EPSILON) * value.abs().max(truth[c].abs());
+            let rounding = f64::from(f32::EPSILON) * value.abs().max(true_value.abs());
             if variance <= 0.0 && off.abs() <= rounding {
                 counted.constant += 1;
                 continue;

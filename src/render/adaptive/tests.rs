@@ -80,17 +80,18 @@ fn a_thin_moving_object_that_the_first_runs_miss_is_found() {
     let line = |x: f64, _: f64, t: f64| if (x - 3.0 - 10.0 * t).abs() < 0.05 { 2.0 } else { 0.01 };
     let film = sampled(&Shown(line), Goal::Error(0.01), (16, 16), None, Lines::All);
     let truth = 0.01 + 1.99 * 0.1 / 10.0;
-    let (mut found, mut sum, mut count) = (0, 0.0, 0.0);
+    let (mut found, mut sum, mut count) = (0, 0.0, 0_u32);
     for y in 0..16 {
         for x in 4..12 {
             let pixel = film.pixels()[film.window().index(x, y).unwrap()];
             found += u32::from(pixel.variance.x > 0.0);
             sum += f64::from(pixel.radiance.x) / truth;
-            count += 1.0;
+            count += 1;
         }
     }
-    assert_eq!(f64::from(found), count);
-    assert!((sum / count - 1.0_f64).abs() < 0.02, "{}", sum / count);
+    assert_eq!(found, count);
+    let mean: f64 = sum / f64::from(count);
+    assert!((mean - 1.0).abs() < 0.02, "{mean}");
 }
 
 /// Motion-blurred edges and ramps of many slopes, whose integrals are known: (pixel's estimate, truth).

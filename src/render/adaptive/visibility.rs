@@ -20,7 +20,7 @@ const STEPS: usize = 8 * 14 + 1;
 #[derive(Debug, Clone)]
 pub struct Visibility {
     /// Of the grey response, at 2^(LOWEST + i/8) of the view's unit.
-    slopes: [f64; STEPS],
+    slopes: Vec<f64>,
     scale: f64,
 }
 
@@ -32,12 +32,13 @@ impl Visibility {
         let plain = View { exposure_ev: 0.0, ..view };
         let shown = |level: f64| plain.encode([level as f32; 3]).y;
         // Steps of an eighth of a stop to both sides, below white: a curve's corners are rounded off, nothing else.
-        let slopes = std::array::from_fn(|i| {
+        let slope_at = |i: usize| {
             #[allow(clippy::cast_precision_loss, reason = "at most 113")]
             let at = libm::exp2((i as f64 / 8.0 + LOWEST).min(-0.125));
             let (low, high) = (at * libm::exp2(-0.125), at * libm::exp2(0.125));
             (shown(high) - shown(low)) / (high - low)
-        });
+        };
+        let slopes = (0..STEPS).map(slope_at).collect();
         Self { slopes, scale: libm::exp2(view.exposure_ev) }
     }
 
