@@ -3,11 +3,9 @@
 use super::accel::absolute;
 use super::ray::Hit;
 use crate::numeric::gamma;
+use crate::scene::texture::MAX_UV_SETS;
 use crate::scene::{MaterialId, Mesh, MeshId};
 use glam::{Affine3A, DVec2, DVec3, Mat3A, Vec2, Vec3A, Vec4};
-
-/// The most texture coordinate sets that a material may read.
-pub const MAX_UV_SETS: usize = 4;
 
 /// A point on a surface at the ray's instant, in world space.
 #[derive(Debug, Clone, Copy)]
@@ -64,8 +62,9 @@ impl SurfacePoint {
     pub(super) fn new(mesh: &Mesh, id: MeshId, hit: &Hit, corners: &Corners, vertices: &[Vertex; 3]) -> Self {
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let (position, error) = located(&corners.space, weights, corners.transform.as_ref());
-        let side = if corners.matrix.matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
-        let cofactors = cofactors(&corners.matrix.matrix3) * side;
+        let linear = balanced(corners.matrix.matrix3);
+        let side = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
+        let cofactors = cofactors(&linear) * side;
         let (geometric_normal, edges) = face(corners, &cofactors, side);
         let across = edges[0].cross(edges[1]).length();
         let blended = |value: &dyn Fn(&Vertex) -> Vec3A| {
@@ -169,6 +168,13 @@ fn gradients(edges: [DVec3; 2], changes: [DVec2; 2], n: DVec3, across: f64) -> [
     let gradient = |first: f64, second: f64| ((a * first + b * second) / across).as_vec3a();
     let both = [gradient(changes[0].x, changes[1].x), gradient(changes[0].y, changes[1].y)];
     if both.iter().all(|g| g.is_finite()) { both } else { [Vec3A::ZERO; 2] }
+}
+
+/// `m`, or a positive multiple of it whose cofactors and determinant neither overflow nor vanish.
+fn balanced(m: Mat3A) -> Mat3A {
+    const PLAIN: std::ops::Range<f32> = 1e-12..1e12;
+    let size = m.x_axis.abs().max(m.y_axis.abs()).max(m.z_axis.abs()).max_element();
+    if PLAIN.contains(&size) || !(size > 0.0 && size.is_finite()) { m } else { m * (1.0 / size) }
 }
 
 /// The matrix of cofactors, det(m) m⁻ᵀ: takes normals along, singular matrices of rank two included.

@@ -4,8 +4,8 @@
 //! An edge function is a difference of two products, each rounded: no fused multiply-add, so that the triangles on both
 //! sides of an edge get exactly opposite values. Rounding is monotonic, so the rounded difference never has the wrong
 //! sign, it may only be zero; zero counts as inside. A ray through a closed surface therefore meets at least one
-//! triangle. Where all three are zero, products of small or nearly equal numbers have lost the triangle, and the
-//! functions are computed once more in `f64`, whose products of `f32` are exact.
+//! triangle. Where all three are zero or nearly so, products of small or nearly equal numbers have lost the triangle, and
+//! the functions are computed once more in `f64`, whose products of `f32` are exact.
 
 use super::collapse::{BLOCK, NO_TRIANGLE};
 use super::frame::RayFrame;
@@ -142,6 +142,10 @@ pub(super) struct LaneHits {
     t: Vec4,
 }
 
+/// Edge functions whose sum is below this are computed once more in `f64`: where they vanish they have lost the
+/// triangle, and t is a quotient of their products with a depth, which from here on could leave `f32`'s normal numbers.
+const LOST: f32 = 1.0 / (1_u64 << 60) as f32;
+
 /// Tests four triangles; `mask` 0 nearly always.
 #[inline(always)]
 pub(super) fn test(corners: &Corners, ray: &RayFrame, limit: f32) -> LaneHits {
@@ -164,7 +168,7 @@ pub(super) fn test(corners: &Corners, ray: &RayFrame, limit: f32) -> LaneHits {
     if mask != 0 {
         let det = u + v + w;
         t = (u * az + v * bz + w * cz) * sz / det;
-        let lost = det.cmpeq(Vec4::ZERO);
+        let lost = det.abs().cmplt(Vec4::splat(LOST));
         mask &= ((t.cmpgt(Vec4::ZERO) & t.cmple(Vec4::splat(limit))) | lost).bitmask();
     }
     LaneHits { mask, edges: [u, v, w], t }
@@ -187,7 +191,7 @@ pub(super) fn decide(corners: &Corners, hits: &LaneHits, lane: usize, ray: &RayF
     let triangle = [at(0), at(1), at(2)];
     let [u, v, w] = hits.edges.map(|e| e[lane]);
     let det = u + v + w;
-    let mut candidate = if det == 0.0 {
+    let mut candidate = if det.abs() < LOST {
         exact(&triangle, ray)?
     } else {
         Candidate { t: hits.t[lane], u: v / det, v: w / det, front: det > 0.0 }

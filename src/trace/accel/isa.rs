@@ -140,6 +140,14 @@ mod avx2 {
     /// A processor with AVX2. Code for it is reached only after the processor was asked: see `Kernel::detect`.
     pub(in crate::trace::accel) struct Avx2;
 
+    impl Avx2 {
+        /// Whether this processor has all that the functions here are compiled for.
+        pub(in crate::trace::accel) fn is_present() -> bool {
+            use std::arch::is_x86_feature_detected as has;
+            has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt")
+        }
+    }
+
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
     #[inline]
     fn load(planes: &Planes) -> __m256 {
@@ -225,12 +233,14 @@ mod avx2 {
 
         #[inline(always)]
         fn open_still(node: &StillNode, ray: &RayFrame, limit: f32) -> Opened {
+            debug_assert!(Avx2::is_present());
             // SAFETY: the processor has the features, see `Avx2`.
             unsafe { open_still(node, ray, limit) }
         }
 
         #[inline(always)]
         fn open_moving(node: &MovingNode, ray: &RayFrame, time: f32, limit: f32) -> Opened {
+            debug_assert!(Avx2::is_present());
             // SAFETY: the processor has the features, see `Avx2`.
             unsafe { open_moving(node, ray, time, limit) }
         }
@@ -243,6 +253,7 @@ mod avx2 {
             query: &mut Query<'_>,
             stack: &mut [u64],
         ) -> bool {
+            debug_assert!(Avx2::is_present());
             // SAFETY: the processor has the features, see `Avx2`.
             unsafe { walk_still::<ANY>(tree, root, ray, space, query, stack) }
         }
@@ -255,6 +266,7 @@ mod avx2 {
             query: &mut Query<'_>,
             stack: &mut [u64],
         ) -> bool {
+            debug_assert!(Avx2::is_present());
             // SAFETY: the processor has the features, see `Avx2`.
             unsafe { walk_moving::<ANY>(tree, ray, time, space, query, stack) }
         }

@@ -24,9 +24,28 @@ fn advise<T>(vector: &Vec<T>) {
     }
     let first = begin.next_multiple_of(PAGE);
     let last = (begin + bytes) / PAGE * PAGE;
+    debug_assert!(begin <= first && first < last && last <= begin + bytes, "whole pages of the allocation");
     if let Some(start) = std::ptr::NonNull::new(first as *mut std::ffi::c_void) {
         // SAFETY: the pages lie within one allocation that lives as long as the vector; MADV_HUGEPAGE changes neither
         // their content nor their protection. The outcome does not matter.
         let _ = unsafe { madvise(start, last - first, MmapAdvise::MADV_HUGEPAGE) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    /// The safe twin is a plain vector: same room, same content, on both sides of the size from which advice is given.
+    #[test]
+    fn advised_memory_holds_what_a_plain_vector_holds() {
+        for count in [0, 1, 1 << 10, (4 << 20) / 8 - 1, (4 << 20) / 8, 3 << 20] {
+            let (mut advised, mut plain) = (super::large::<u64>(count), Vec::with_capacity(count));
+            assert!(advised.is_empty() && advised.capacity() >= count);
+            let begin = advised.as_ptr();
+            for i in 0..count as u64 {
+                advised.push(crate::numeric::mix64(i));
+                plain.push(crate::numeric::mix64(i));
+            }
+            assert!(advised == plain && std::ptr::eq(advised.as_ptr(), begin), "{count}: it has not moved");
+        }
     }
 }

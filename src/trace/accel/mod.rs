@@ -116,11 +116,8 @@ enum Kernel {
 impl Kernel {
     fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
-        {
-            use std::arch::is_x86_feature_detected as has;
-            if has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt") {
-                return Self::Avx2;
-            }
+        if isa::Avx2::is_present() {
+            return Self::Avx2;
         }
         Self::Portable
     }
@@ -267,9 +264,12 @@ impl Accel {
         let all = Structures { world: self.world.as_deref(), places: &self.places, top: &self.top };
         let stopped = match self.kernel {
             Kernel::Portable => top::search::<isa::Portable, ANY>(&all, ray, &mut query, stack),
-            // SAFETY: `Kernel::Avx2` is only made by `Kernel::detect`, after the processor was asked.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => unsafe { search_avx2::<ANY>(&all, ray, &mut query, stack) },
+            Kernel::Avx2 => {
+                debug_assert!(isa::Avx2::is_present());
+                // SAFETY: `Kernel::Avx2` is only made by `Kernel::detect`, after the processor was asked.
+                unsafe { search_avx2::<ANY>(&all, ray, &mut query, stack) }
+            }
         };
         (stopped, query.found)
     }

@@ -65,8 +65,12 @@ pub(super) fn is_singular(m: &Affine3A) -> bool {
     let [x, y, z] = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|c| c.as_dvec3());
     let box_volume = x.length() * y.length() * z.length();
     let volume = x.dot(y.cross(z)).abs();
-    // Column lengths may also differ by so much that the inverse overflows.
-    volume.is_nan() || volume <= box_volume / 4096.0 || !m.inverse().is_finite()
+    // Column lengths may also be, or differ, so that the determinant or the inverse leaves f32.
+    let determinant = m.matrix3.determinant().abs();
+    volume.is_nan()
+        || volume <= box_volume / 4096.0
+        || !(f32::MIN_POSITIVE..=f32::MAX).contains(&determinant)
+        || !m.inverse().is_finite()
 }
 
 struct Source<'a> {
