@@ -174,6 +174,31 @@ mod tests {
         }
     }
 
+    /// Could blow up: an index or a number of elements whose successor is no 32-bit number. Bound: images differ and lie
+    /// in range, as long as the walk of a few thousand neighbours shows. Twin: a multiplication that wraps around.
+    #[test]
+    fn permutations_and_shuffles_hold_up_to_the_last_index() {
+        for n in [u32::MAX, u32::MAX - 1, (1 << 31) + 1, 1 << 31, (1 << 24) + 1] {
+            for key in 0..8 {
+                let key = subkey(numeric::mix64(key), 1);
+                let images: Vec<u32> = (n - 3000..n).map(|i| permute(i, n, key)).collect();
+                let different: std::collections::HashSet<u32> = images.iter().copied().collect();
+                assert!(different.len() == 3000 && images.iter().all(|&i| i < n), "{n}");
+            }
+        }
+        for bits in [1, 31, 32] {
+            let last = u32::MAX >> (32 - bits);
+            let first = last.saturating_sub(2999);
+            let images: std::collections::HashSet<u32> = (first..=last).map(|i| shuffle_index(i, bits, 77)).collect();
+            assert!(images.len() == (last - first) as usize + 1 && images.iter().all(|&i| i <= last), "{bits}");
+        }
+        // 2³¹ + 1 elements: the product wraps, then the remainder folds what it wrapped to.
+        let n = (1_u32 << 31) + 1;
+        let images: std::collections::HashSet<u32> =
+            (n - 300_000..n).map(|i| i.wrapping_mul(0x9e37_79b9) % n).collect();
+        assert!(images.len() < 300_000, "the twin went unnoticed");
+    }
+
     proptest! {
         #[test]
         fn permutations_are_bijections(n in 1_u32..300, key: u64) {

@@ -61,6 +61,8 @@ impl FromStr for FrameList {
             )
         };
         let mut frames = Vec::new();
+        // A single range names no frame twice.
+        let many = text.contains(',');
         let mut seen = std::collections::HashSet::new();
         for item in text.split(',') {
             let (range, step) = match item.trim().split_once(['x', ':']) {
@@ -86,7 +88,7 @@ impl FromStr for FrameList {
                 if frame > to {
                     break;
                 }
-                if seen.insert(frame) {
+                if !many || seen.insert(frame) {
                     frames.push(frame);
                 }
             }

@@ -1,7 +1,7 @@
 //! Which camera looks, through which lens: flags over the file over defaults.
 
 use super::bake::{Baker, MotionError, affine};
-use super::deform::Deformer;
+use super::deform::{Deformer, cofactor};
 use super::rig::{Rig, list_names};
 use super::schedule::{Clock, KeyInstant};
 use super::{Motion, NodeId, Projection, Scene, Stage, StageCamera};
@@ -67,7 +67,8 @@ impl View {
                 (camera.projection, rig.world(n, (start, start), start), camera.lens)
             }
             None => {
-                let (projection, place) = default_framing(ball, aspect(request));
+                let back = SIDES.into_iter().find(|&back| shows(rig, start, back)).unwrap_or(SIDES[0]);
+                let (projection, place) = default_framing(ball, back, aspect(request));
                 (projection, place, super::Lens::default())
             }
         };
@@ -266,15 +267,80 @@ pub fn bounding_ball(rig: &Rig<'_>, times: &[f64]) -> (DVec3, f64) {
     if low.x > high.x { (DVec3::ZERO, 1.0) } else { ((low + high) * 0.5, low.distance(high) * 0.5) }
 }
 
-/// A perspective camera a little above and to the right that sees the whole ball.
-fn default_framing((centre, radius): (DVec3, f64), aspect: f64) -> (Projection, DAffine3) {
+/// Where the default framing looks from, the first that shows anything: a little above and to the right; the same from
+/// below; from behind.
+const SIDES: [DVec3; 4] = [
+    DVec3::new(0.45, 0.35, 1.0),
+    DVec3::new(0.45, -0.35, 1.0),
+    DVec3::new(-0.45, 0.35, -1.0),
+    DVec3::new(-0.45, -0.35, -1.0),
+];
+
+/// Whether from direction `back` anything of the scene is seen at `time` that is not culled: a face's front, or what has
+/// two sides. What deforms or is copied is taken to show itself.
+fn shows(rig: &Rig<'_>, time: f64, back: DVec3) -> bool {
+    let scene = rig.scene();
+    scene.nodes.iter().enumerate().filter(|(n, node)| !node.meshes.is_empty() && rig.is_visible(*n, time)).any(
+        |(n, node)| {
+            let world = rig.world(n, (time, time), time).matrix3;
+            // Normals go with the cofactors; a mirror turns the winding.
+            let side = if world.determinant() < 0.0 { -1.0 } else { 1.0 };
+            let back = cofactor(world).transpose() * back * side;
+            let instant = Exposure { open: time, close: time };
+            node.meshes.iter().any(|&m| {
+                let mesh = &scene.meshes[m];
+                let front = |t: &[u32; 3]| {
+                    let [a, b, c] = t.map(|i| mesh.positions[i as usize].as_dvec3());
+                    (b - a).cross(c - a).dot(back) > 0.0
+                };
+                node.copies.is_some()
+                    || scene.materials.get(mesh.material).is_none_or(|m| m.double_sided)
+                    || Deformer::new(rig, m, n, instant).is_some()
+                    || mesh.triangles.iter().any(front)
+            })
+        },
+    )
+}
+
+/// A perspective camera in direction `back` of the ball that sees the whole of it.
+fn default_framing((centre, radius): (DVec3, f64), back: DVec3, aspect: f64) -> (Projection, DAffine3) {
     const YFOV: f64 = 0.69; // about 40 degrees: a normal lens
     let radius = if radius > 0.0 { radius } else { 1.0 };
     let half = if aspect < 1.0 { libm::atan(libm::tan(YFOV / 2.0) * aspect) } else { YFOV / 2.0 };
-    let back = DVec3::new(0.45, 0.35, 1.0).normalize();
+    let back = back.normalize();
     let eye = centre + back * (radius / libm::sin(half));
     let right = DVec3::Y.cross(back).normalize();
     let place = DAffine3 { matrix3: glam::DMat3::from_cols(right, back.cross(right), back), translation: eye };
     #[allow(clippy::cast_possible_truncation, reason = "a constant")]
     (Projection::Perspective { yfov: YFOV as f32, aspect: None }, place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::rig::Playback;
+    use crate::scene::{Material, Mesh, Node};
+    use glam::Vec3;
+
+    /// A floor that faces down is looked at from below; one that faces up, or both ways, from above.
+    #[test]
+    fn the_default_framing_sees_a_front() {
+        for (triangle, double_sided, above) in
+            [([0, 1, 2], false, false), ([0, 2, 1], false, true), ([0, 1, 2], true, true)]
+        {
+            let mesh =
+                Mesh { positions: vec![Vec3::ZERO, Vec3::X, Vec3::Z], triangles: vec![triangle], ..Mesh::default() };
+            let scene = Scene {
+                nodes: vec![Node { meshes: vec![0], visible: true, ..Node::default() }],
+                order: vec![0],
+                meshes: vec![mesh],
+                materials: vec![Material { double_sided, ..Material::default() }],
+                ..Scene::default()
+            };
+            let rig = Rig::new(&scene, &Playback::default()).unwrap();
+            let request = ViewRequest { size: (4, 3), pixel_aspect: 1.0, motion_error: 1.0, ..ViewRequest::default() };
+            let view = View::new(&rig, &request).unwrap();
+            assert_eq!(view.place.translation.y > 0.0, above, "{triangle:?} {double_sided}");
+        }
+    }
 }

@@ -19,7 +19,8 @@ enum Range {
 fn number(ctx: &Context<'_>, extras: &Value, key: &str, range: Range, object: &str) -> Result<Option<f32>> {
     let Some(value) = extras.get(key) else { return Ok(None) };
     let (fits, wanted) = match (value.as_f64(), range) {
-        (Some(v), Range::Positive) => (v > 0.0, "a number above 0".to_owned()),
+        // What is 0 as `f32` is 0.
+        (Some(v), Range::Positive) => (v >= f64::from(f32::MIN_POSITIVE), "a number above 0".to_owned()),
         (Some(v), Range::NotNegative) => (v >= 0.0, "a number of at least 0".to_owned()),
         (Some(v), Range::UpTo(most)) => ((0.0..=most).contains(&v), format!("a number from 0 to {most}")),
         (None, _) => (false, "a number".to_owned()),
