@@ -8,19 +8,22 @@
     reason = "helpers of tests: a failure is a panic, numbers are small, and skipped tests say so"
 )]
 
+#[path = "support/flat.rs"]
+mod flat;
+#[path = "support/moving.rs"]
+mod moving;
 #[path = "support/shots.rs"]
 mod shots;
 
-use glam::{DAffine3, DVec3, Vec3, Vec4};
+use flat::rectangle;
+use glam::{Vec3, Vec4};
 use graeco::output::Plane;
 use graeco::render::aovs::Aov;
 use graeco::render::{Progress, Scanning, Settings, Shot, Surroundings};
-use graeco::scene::{
-    Animation, Camera, Channel, Interpolation, Lens, LocalTransform, Material, Mesh, Node, Projection, Property, Scene,
-    Track,
-};
+use graeco::scene::{Material, Projection, Property, Scene};
 use graeco::time::Parity;
 use graeco::trace::environment::Background;
+use moving::{Builder, linear};
 
 const SIZE: (u32, u32) = (40, 30);
 /// Metres a second.
@@ -28,49 +31,14 @@ const SPEED: f32 = 1.2;
 
 /// A square of side 2 at z = −4, facing the camera at the origin and moving to the right.
 fn scene() -> Scene {
-    let mesh = Mesh {
-        positions: vec![
-            Vec3::new(-1.0, -1.0, 0.0),
-            Vec3::new(1.0, -1.0, 0.0),
-            Vec3::new(1.0, 1.0, 0.0),
-            Vec3::new(-1.0, 1.0, 0.0),
-        ],
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-        ..Mesh::default()
-    };
-    let material = Material { base_color: Vec4::new(0.2, 0.4, 0.6, 1.0), metallic: 0.0, ..Material::default() };
-    let camera = Camera {
-        name: String::new(),
-        projection: Projection::Perspective { yfov: std::f32::consts::FRAC_PI_2, aspect: None },
-        near_far: (0.1, None),
-        lens: Lens::default(),
-    };
-    let track = Track {
-        times: vec![-10.0, 10.0],
-        values: vec![Vec3::new(-10.0 * SPEED, 0.0, -4.0), Vec3::new(10.0 * SPEED, 0.0, -4.0)],
-        width: 1,
-        interpolation: Interpolation::Linear,
-    };
-    Scene {
-        nodes: vec![
-            Node { local: LocalTransform::default(), meshes: vec![0], visible: true, ..Node::default() },
-            Node {
-                local: LocalTransform::Matrix(DAffine3::from_translation(DVec3::ZERO)),
-                camera: Some(0),
-                visible: true,
-                ..Node::default()
-            },
-        ],
-        order: vec![0, 1],
-        meshes: vec![mesh],
-        materials: vec![material],
-        cameras: vec![camera],
-        animations: vec![Animation {
-            name: String::new(),
-            channels: vec![Channel { node: 0, property: Property::Translation(track) }],
-        }],
-        ..Scene::default()
-    }
+    let mut b = Builder::new(0.0);
+    b.scene.cameras[0].projection = Projection::Perspective { yfov: std::f32::consts::FRAC_PI_2, aspect: None };
+    b.scene.materials[0] = Material { base_color: Vec4::new(0.2, 0.4, 0.6, 1.0), metallic: 0.0, ..Material::default() };
+    let square = b.node(None, Vec3::ZERO);
+    b.mesh(square, &rectangle([-1.0, 1.0], [-1.0, 1.0]));
+    let at = |seconds: f32| Vec3::new(seconds * SPEED, 0.0, -4.0);
+    b.drive(square, Property::Translation(linear(&[(-10.0, at(-10.0)), (10.0, at(10.0))])));
+    b.finish()
 }
 
 fn planes(settings: &Settings) -> Vec<Plane> {
@@ -97,7 +65,8 @@ fn depth_normal_albedo_and_object_are_the_surface_s() {
     assert!((plane(&planes, "depth.Z")[MIDDLE] - 4.0).abs() < 1e-5);
     assert!((plane(&planes, "normal.Z")[MIDDLE] - 1.0).abs() < 1e-6);
     assert!((plane(&planes, "albedo.G")[MIDDLE] - 0.4).abs() < 1e-6);
-    assert!((plane(&planes, "object.id")[MIDDLE] - 1.0).abs() < f32::EPSILON);
+    // The camera's node is the first.
+    assert!((plane(&planes, "object.id")[MIDDLE] - 2.0).abs() < f32::EPSILON);
     // Above the square there is only sky.
     assert!(plane(&planes, "depth.Z")[20].is_infinite());
     assert!(plane(&planes, "object.id")[20].abs() < f32::EPSILON);

@@ -8,25 +8,17 @@
     reason = "helpers of tests: a failure is a panic, numbers are small, and skipped tests say so"
 )]
 
+#[path = "support/corpus.rs"]
+mod files;
+
+use files::{corpus, files};
 use graeco::scene::gltf::{LoadOptions, load};
 use graeco::scene::{Interpolation, Mesh, Pixels, Property, Scene, Track};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
-
-/// The corpus, from `GRAECO_CORPUS` or beside the crate; `None`, said aloud, where it is absent.
-fn corpus() -> Option<PathBuf> {
-    let root = std::env::var_os("GRAECO_CORPUS")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/gltf"), PathBuf::from);
-    if root.join("SOURCES.md").is_file() {
-        return Some(root);
-    }
-    assert!(std::env::var_os("GRAECO_REQUIRE_ALL").is_none(), "there is no corpus at {}", root.display());
-    eprintln!("skipped: there is no corpus at {}", root.display());
-    None
-}
+use std::path::Path;
 
 /// Cells of the table rows in `SOURCES.md`, by file.
 fn rows(root: &Path) -> Vec<Vec<String>> {
@@ -35,24 +27,6 @@ fn rows(root: &Path) -> Vec<Vec<String>> {
         .filter(|line| line.starts_with("| ") && (line.contains(".gltf |") || line.contains(".glb |")))
         .map(|line| line.trim_matches('|').split(" | ").map(|cell| cell.trim().to_owned()).collect())
         .collect()
-}
-
-/// Every glTF file below `folder`.
-fn files(folder: &Path) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    let mut pending = vec![folder.to_path_buf()];
-    while let Some(folder) = pending.pop() {
-        for entry in fs::read_dir(&folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                pending.push(path);
-            } else if path.extension().is_some_and(|e| e == "gltf" || e == "glb") {
-                found.push(path);
-            }
-        }
-    }
-    found.sort();
-    found
 }
 
 /// Loads without letting a panic through.

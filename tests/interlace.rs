@@ -9,13 +9,18 @@
     reason = "helpers of tests: a failure is a panic, numbers are small, and skipped tests say so"
 )]
 
+#[path = "support/flat.rs"]
+mod flat;
+#[path = "support/moving.rs"]
+mod moving;
 #[path = "support/shots.rs"]
 mod shots;
 
-use glam::{DAffine3, DVec3, Vec3, Vec4};
+use flat::{flat_scene, rectangle};
+use glam::Vec3;
 use graeco::film::Film;
 use graeco::render::{Scanning, Settings};
-use graeco::scene::{Camera, Lens, LocalTransform, Material, Mesh, Node, Projection, Scene};
+use graeco::scene::Scene;
 use graeco::time::{FrameRate, Parity};
 use graeco::trace::environment::Background;
 use shots::{load, render};
@@ -54,49 +59,24 @@ fn fields_are_the_lines_of_a_progressive_render_at_twice_the_rate() {
     assert!(differ > 100, "the other parity differs in {differ} pixels only: nothing moved");
 }
 
-/// A still grating of `cycles` per line, black and white stripes of unlit quads, under an orthographic camera whose
-/// pixels are 1 × 1.
+/// Still white triangles on black under a parallel camera `lines` pixels of 1 × 1 high.
+fn seen(points: &[Vec3], lines: u32) -> Scene {
+    let mut b = flat_scene(lines.try_into().unwrap());
+    let node = b.node(None, Vec3::ZERO);
+    b.mesh(node, points);
+    b.finish()
+}
+
+/// A still grating of `cycles` per line, black and white stripes.
 fn grating(cycles: f64, lines: u32) -> Scene {
-    let mut mesh = Mesh::default();
     let half = f64::from(lines) / 2.0;
-    #[allow(clippy::cast_possible_truncation, reason = "test coordinates")]
-    let mut stripe = |top: f64, bottom: f64| {
-        let first = u32::try_from(mesh.positions.len()).unwrap();
-        let (high, low) = ((half - top) as f32, (half - bottom) as f32);
-        let wide = 100.0;
-        mesh.positions.extend([
-            Vec3::new(-wide, low, -1.0),
-            Vec3::new(wide, low, -1.0),
-            Vec3::new(wide, high, -1.0),
-            Vec3::new(-wide, high, -1.0),
-        ]);
-        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
-    };
     let period = 1.0 / cycles;
-    let count = (f64::from(lines) / period).ceil() + 2.0;
-    let mut k = -2.0;
-    while k < count {
-        stripe(k * period, (k + 0.5) * period);
-        k += 1.0;
-    }
-    let material = Material { base_color: Vec4::ONE, unlit: true, double_sided: true, ..Material::default() };
-    let projection = Projection::Orthographic { xmag: half as f32, ymag: half as f32 };
-    Scene {
-        nodes: vec![
-            Node { meshes: vec![0], visible: true, ..Node::default() },
-            Node {
-                local: LocalTransform::Matrix(DAffine3::from_translation(DVec3::new(0.0, 0.0, 1.0))),
-                camera: Some(0),
-                visible: true,
-                ..Node::default()
-            },
-        ],
-        order: vec![0, 1],
-        meshes: vec![mesh],
-        materials: vec![material],
-        cameras: vec![Camera { name: String::new(), projection, near_far: (0.1, None), lens: Lens::default() }],
-        ..Scene::default()
-    }
+    let count = (f64::from(lines) / period).ceil() as i32 + 2;
+    let stripe = |k: i32| {
+        let top = half - f64::from(k) * period;
+        rectangle([-100.0, 100.0], [(top - 0.5 * period) as f32, top as f32])
+    };
+    seen(&(-2..count).flat_map(stripe).collect::<Vec<_>>(), lines)
 }
 
 /// Difference between the two fields' mean luminance over a window of eight lines in the middle of the picture.
@@ -133,14 +113,7 @@ fn two_lines_do_not_flicker() {
 #[test]
 fn the_edges_of_the_picture_are_no_darker() {
     let lines = 24;
-    let mut scene = grating(0.5, lines);
-    scene.meshes[0].positions = vec![
-        Vec3::new(-100.0, -100.0, -1.0),
-        Vec3::new(100.0, -100.0, -1.0),
-        Vec3::new(100.0, 100.0, -1.0),
-        Vec3::new(-100.0, 100.0, -1.0),
-    ];
-    scene.meshes[0].triangles = vec![[0, 1, 2], [0, 2, 3]];
+    let scene = seen(&rectangle([-100.0, 100.0], [-100.0, 100.0]), lines);
     let film = render(&scene, &interlaced((8, lines), 4, Parity::Top), Background::Black, 0);
     for pixel in film.pixels() {
         assert_eq!(pixel.radiance, Vec3::ONE);

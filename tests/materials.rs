@@ -8,9 +8,10 @@ use glam::{Affine2, Vec2, Vec3, Vec3A, Vec4};
 use graeco::scene::material::{
     Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, Sheen, Specular, Transmission, Volume,
 };
+use graeco::scene::texture::MAX_UV_SETS;
 use graeco::scene::{AlphaMode, Image, Material, Pixels, Scene, Texture, TextureRef, Wrap};
 use graeco::trace::bsdf::{Materials, Shading, ShadingQuery, dispersed_ior};
-use graeco::trace::surface::{MAX_UV_SETS, SurfacePoint};
+use graeco::trace::surface::SurfacePoint;
 use graeco::trace::texture::TextureFilter;
 use graeco::trace::warp::sphere_from_square;
 

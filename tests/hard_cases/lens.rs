@@ -41,6 +41,7 @@ fn rays(camera: &CameraRays) -> Vec<(Vec3A, Vec3A)> {
     rays
 }
 
+/// Bound: none. Twin: the general formula at a focus of nearly nothing, lens ÷ focus being 0 ÷ 0.
 #[test]
 fn a_closed_aperture_is_a_pinhole_bit_for_bit() {
     for projection in [PERSPECTIVE, PARALLEL] {
@@ -48,6 +49,34 @@ fn a_closed_aperture_is_a_pinhole_bit_for_bit() {
             assert_eq!(rays(&camera(projection, 0.0, focus)), rays(&camera(projection, 0.0, 1.0)));
         }
     }
+    let (lens, focus) = (0.0_f32, 0.0_f32);
+    assert!((lens / focus).is_nan(), "the twin went unnoticed");
+}
+
+/// The plane in focus may be as near as an object can be: rays from all over the lens meet there in one point, to eight
+/// roundings of the greater of lens and focus. Could blow up: the aim at a point so near, or a million times farther
+/// than the lens is wide. Twin: the distance taken along the ray, which bends the plane in focus into a sphere.
+#[test]
+fn rays_through_the_lens_meet_in_the_plane_in_focus() {
+    let mut bent = 0;
+    for focus in [1e-6_f32, 1e-3, 0.1, 1.0, 1e3, 1e6] {
+        for aperture in [1e-6_f32, 1e-2, 1.0] {
+            let bundles = rays(&camera(PERSPECTIVE, aperture, focus));
+            let slack = 8.0 * f32::EPSILON * (focus + aperture) * 3.0;
+            for pixel in bundles.chunks(64) {
+                let on = |(origin, way): (Vec3A, Vec3A), t: f32| origin + way * t;
+                let plane = |ray: (Vec3A, Vec3A)| on(ray, (-focus - ray.0.z) / ray.1.z);
+                let middle = pixel.iter().map(|&ray| plane(ray)).sum::<Vec3A>() / 64.0;
+                let worst = pixel.iter().map(|&ray| plane(ray).distance(middle)).fold(0.0, f32::max);
+                // A ray from a lens wider than its focus grazes the plane: its rounding is magnified by its slope.
+                let slope = pixel.iter().map(|ray| 1.0 / ray.1.z.abs()).fold(1.0, f32::max);
+                assert!(worst <= slack * slope * slope, "focus {focus}, aperture {aperture}: {worst} over {slack}");
+                let sphere = pixel.iter().map(|&ray| on(ray, focus).distance(middle)).fold(0.0, f32::max);
+                bent += usize::from(sphere > slack * slope * slope);
+            }
+        }
+    }
+    assert!(bent > 10, "the twin went unnoticed: {bent}");
 }
 
 #[test]

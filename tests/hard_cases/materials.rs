@@ -4,10 +4,10 @@
 
 use glam::{Affine2, Vec2, Vec3, Vec3A, Vec4};
 use graeco::scene::material::{Anisotropy, Clearcoat, Iridescence, Sheen, Specular, Transmission, Volume};
-use graeco::scene::texture::TexelFilter;
+use graeco::scene::texture::{MAX_UV_SETS, TexelFilter};
 use graeco::scene::{AlphaMode, Image, Material, Pixels, Scene, Texture, TextureRef, Wrap};
 use graeco::trace::bsdf::{Materials, Scatter, Shading, ShadingQuery};
-use graeco::trace::surface::{MAX_UV_SETS, SurfacePoint};
+use graeco::trace::surface::SurfacePoint;
 use graeco::trace::texture::TextureFilter;
 
 fn point(material: usize) -> SurfacePoint {
@@ -137,7 +137,8 @@ fn masking_as_a_quotient_breaks_where_ours_does_not() {
     }
 }
 
-/// From inside glass beyond the critical angle, everything is reflected and nothing is lost.
+/// From inside glass beyond the critical angle, everything is reflected and nothing is lost. Twin: Schlick's
+/// approximation, which lets most of it out.
 #[test]
 fn total_internal_reflection_is_total() {
     let mut scene = Scene::default();
@@ -155,6 +156,79 @@ fn total_internal_reflection_is_total() {
     }
     let shading = Shading::new(&scene, &materials, &surface, view(-0.76), ShadingQuery::default());
     assert!(shading.bsdf.sample(Vec2::splat(0.5), 0.9999).unwrap().refracted);
+    let schlick = |cos: f32| 0.04 + 0.96 * (1.0 - cos).powi(5);
+    assert!(schlick(0.5) < 1.0 - 1e-5, "the twin went unnoticed");
+}
+
+/// The density of a lobe of roughness 10⁻⁸ (α = 10⁻¹⁶) across its whole width: GGX's formula in `f32` is 0 ÷ 0 there.
+/// Ours takes lobes so narrow for mirrors, whose throughput is that of the Fresnel term alone.
+#[test]
+fn lobes_too_narrow_for_a_density_are_mirrors() {
+    let mut scene = Scene::default();
+    for roughness in [0.0_f32, 1e-8, 1e-3] {
+        scene.materials.push(Material { roughness, ..Material::default() });
+    }
+    let materials = Materials::new(&scene, TextureFilter::Point);
+    let mut mirrored = Vec::new();
+    for material in 0..3 {
+        for cos in [1.0_f32, 1.0 - 1e-7, 0.5, 1e-3] {
+            let surface = SurfacePoint { normal: Vec3A::Z, ..point(material) };
+            let shading = Shading::new(&scene, &materials, &surface, view(cos), ShadingQuery::default());
+            let s = shading.bsdf.sample(Vec2::splat(0.4), 0.5).unwrap();
+            assert!(s.scatter == Scatter::Specular && (s.throughput - 1.0).abs().max_element() < 1e-5, "{s:?}");
+            assert!((s.wi - Vec3A::new(-view(cos).x, 0.0, view(cos).z)).length() < 1e-6, "{s:?}");
+            mirrored.push(s.wi);
+        }
+    }
+    let ggx = |cos: f32, alpha: f32| {
+        let d = cos * cos * (alpha * alpha - 1.0) + 1.0;
+        alpha * alpha / (std::f32::consts::PI * d * d)
+    };
+    assert!(!ggx(1.0, 1e-16).is_finite() || ggx(1.0, 1e-16) <= 0.0, "the twin went unnoticed");
+}
+
+/// A black surface returns exactly nothing, a white one never more than it got and, where it only scatters, all of it.
+/// Twin: diffuse light beside the specular as if that took none away.
+#[test]
+fn black_and_white_furnaces_hold_at_the_limits() {
+    let mut scene = Scene::default();
+    let plain = Material { metallic: 0.0, double_sided: true, ..Material::default() };
+    let dull = Some(Specular { factor: 0.0, texture: None, color: Vec3::ZERO, color_texture: None });
+    scene.materials.push(Material { base_color: Vec4::new(0.0, 0.0, 0.0, 1.0), specular: dull, ..plain.clone() });
+    for roughness in [0.0_f32, 1e-8, 0.1, 1.0] {
+        for metallic in [0.0, 1.0] {
+            scene.materials.push(Material { roughness, metallic, ..plain.clone() });
+        }
+    }
+    let materials = Materials::new(&scene, TextureFilter::Point);
+    let (mut least, mut most, mut twin) = (f64::INFINITY, 0.0_f64, 0.0_f64);
+    for material in 0..scene.materials.len() {
+        for cos in [1.0_f32, 0.5, 0.05, 1e-3, 1e-6] {
+            let surface = SurfacePoint { normal: Vec3A::Z, ..point(material) };
+            let shading = Shading::new(&scene, &materials, &surface, view(cos), ShadingQuery::default());
+            let mut sum = 0.0;
+            const GRID: u16 = 64;
+            for i in 0..GRID {
+                for j in 0..GRID {
+                    let u = (Vec2::new(f32::from(i), f32::from(j)) + 0.5) / f32::from(GRID);
+                    // The choice of a lobe runs through its own stratum in every row and column.
+                    let choice = (f32::from((i * 37 + j * 11) % GRID) + 0.5) / f32::from(GRID);
+                    sum += shading.bsdf.sample(u, choice).map_or(0.0, |s| f64::from(s.throughput.x));
+                }
+            }
+            let albedo = sum / (f64::from(GRID) * f64::from(GRID));
+            if material == 0 {
+                assert!(albedo <= 0.0, "black returns {albedo}");
+            } else {
+                (least, most) = (least.min(albedo), most.max(albedo));
+                assert!((0.95..1.01).contains(&albedo), "{material} at {cos}: {albedo}");
+                // Fresnel's term of index 1.5 at this angle, beside a whole diffuse albedo.
+                twin = twin.max(1.0 + 0.04 + 0.96 * f64::from(1.0 - cos).powi(5));
+            }
+        }
+    }
+    println!("white furnaces: {least:.4} to {most:.4}");
+    assert!(twin > 1.01, "the twin went unnoticed");
 }
 
 /// Glass of index 1 is not there.
@@ -172,6 +246,7 @@ fn glass_of_index_one_passes_light_straight_on() {
     }
 }
 
+/// Twin: a coordinate wrapped by `fract`, which rounds up to 1 and so reads past the last texel.
 #[test]
 fn textures_of_one_texel_and_of_a_strip_are_read_everywhere() {
     for (width, height) in [(1_u32, 1_u32), (16_384, 1), (1, 16_384)] {
@@ -209,4 +284,6 @@ fn textures_of_one_texel_and_of_a_strip_are_read_everywhere() {
             }
         }
     }
+    let wrapped = -1e-9_f32 - (-1e-9_f32).floor();
+    assert!(wrapped >= 1.0, "the twin went unnoticed");
 }

@@ -1,5 +1,6 @@
-//! Pictures of odd shapes and values. What blows up: a picture of one pixel or one column, an odd number of lines for
-//! fields, a crop of nothing, denormal numbers and negative zero on their way through a file.
+//! Case 12. Pictures of odd shapes and values. What blows up: a picture of one pixel or one column, an odd number of lines for
+//! fields, a crop of nothing, denormal numbers and negative zero on their way through a file. Twins: sides that are added
+//! up in 32 bits, halves of an odd number, a file of half floats.
 
 use super::shots::{load, picture_of, render, settings};
 use graeco::film::{Film, Window};
@@ -11,7 +12,7 @@ use graeco::trace::environment::Background;
 #[test]
 fn one_pixel_and_one_column_render() {
     let scene = load("scenes/cornell.glb");
-    for size in [(1, 1), (1, 4096), (4096, 1)] {
+    for size in [(1, 1), (1, 65_536), (65_536, 1)] {
         let film = render(&scene, &settings(size, 1, 0), Background::Black, 0);
         assert_eq!(film.pixels().len(), (size.0 * size.1) as usize);
         assert!(film.pixels().iter().all(|p| p.rejected == 0 && p.radiance.is_finite()));
@@ -30,6 +31,9 @@ fn what_cannot_be_is_refused() {
     }
     assert!(Film::new(0, 5, None).is_err());
     assert!(Film::new(5, 5, Some(Window { x: 4, y: 0, width: 2, height: 1 })).is_err());
+    let within = |x: u32, width: u32, whole: u32| x.wrapping_add(width) <= whole;
+    assert!(within(u32::MAX, 2, 8), "the twin went unnoticed");
+    assert_ne!(7_u32 / 2 * 2, 7, "the twin went unnoticed: two fields of three lines are not seven");
 }
 
 #[test]
@@ -44,6 +48,10 @@ fn denormals_and_negative_zero_come_back() {
     let back = read::read(&path).unwrap().rgb;
     let bits = |rgb: &[[f32; 3]]| rgb.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&back), bits(&picture.rgb));
+    // The twin goes through half floats.
+    let path = folder.path().join("half.exr");
+    file::write_whole(&path, &exr::encode(&picture, ExrDepth::Half, &path).unwrap()).unwrap();
+    assert_ne!(bits(&read::read(&path).unwrap().rgb), bits(&picture.rgb), "the twin went unnoticed");
 }
 
 #[test]

@@ -139,6 +139,31 @@ pub(crate) fn ray(origin: Vec3A, direction: Vec3A, u_time: f32) -> Ray {
     Ray { origin, direction, t_max: f32::INFINITY, u_time, backs: Backs::Stop }
 }
 
+/// `full` in an optimised build, `part` of it in one with debug assertions, which is some thirty times slower. The full
+/// counts are those of docs/numerics.md; `cargo test --profile quick --test hard_cases` takes them.
+pub(crate) fn count(full: usize, part: usize) -> usize {
+    if cfg!(debug_assertions) { part } else { full }
+}
+
+/// The twin of the triangle test: Möller and Trumbore 1997, in `f32`, by early returns as it is usually written.
+pub(crate) fn moller_trumbore(corners: [Vec3A; 3], ray: &Ray) -> Option<f32> {
+    let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
+    let p = ray.direction.cross(e2);
+    let inverse = 1.0 / e1.dot(p);
+    let s = ray.origin - corners[0];
+    let u = s.dot(p) * inverse;
+    if u < 0.0 || u > 1.0 {
+        return None;
+    }
+    let q = s.cross(e1);
+    let v = ray.direction.dot(q) * inverse;
+    if v < 0.0 || u + v > 1.0 {
+        return None;
+    }
+    let t = e2.dot(q) * inverse;
+    if t <= 0.0 || t > ray.t_max { None } else { Some(t) }
+}
+
 /// The structures of `stage`.
 pub(crate) fn build(scene: &Scene, stage: &Stage) -> Accel {
     Accel::build(scene, stage, None)

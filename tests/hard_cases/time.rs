@@ -2,6 +2,7 @@
 
 use crate::moving::{Builder, exposure, linear, stage, track};
 use glam::{Quat, Vec3};
+use graeco::scene::gltf::{LoadOptions, load};
 use graeco::scene::{Interpolation, Property, Scene};
 use graeco::time::{Exposure, FrameRate, Shutter};
 
@@ -65,7 +66,7 @@ fn ntsc_does_not_drift_over_ten_million_frames() {
 }
 
 /// Could blow up: gaps or overlaps between exposures of a 360-degree shutter, which double or lose light. Bound: one
-/// step of the grid, 2⁻³² s.
+/// step of the grid, 2⁻³² s. Twin: instants in f32.
 #[test]
 fn full_exposures_follow_one_another() {
     let shutter = Shutter { fraction: 1.0, ..Shutter::default() };
@@ -76,6 +77,67 @@ fn full_exposures_follow_one_another() {
             assert!((b.open - a.close).abs() <= 1.0 / 4_294_967_296.0, "{rate} {frame}");
         }
     }
+    let rate: FrameRate = "30000/1001".parse().unwrap();
+    #[allow(clippy::cast_possible_truncation, reason = "the twin's fault")]
+    let [a, b] = [8_640_000, 8_640_001].map(|f| rate.instant(f) as f32);
+    assert!((f64::from(b - a) - rate.period()).abs() > 1.0 / 4_294_967_296.0, "the twin went unnoticed");
+}
+
+/// Could blow up: a value between two steps, which a file with STEP never has. Bound: the jump is at its key's instant
+/// to an ulp of the exposure, with the held values, exactly, on both sides; a key that changes nothing is none. Twin:
+/// the straight line.
+#[test]
+fn steps_within_the_exposure_are_jumps() {
+    let scene = slide(Interpolation::Step, &[0.0, 0.3, 0.6, 0.8, 5.0], &[1.0, 7.0, 7.0, -2.0, 9.0]);
+    let baked = stage(&scene, exposure(0.2, 1.2), PIXELS);
+    let motion = &baked.instances[0].motion;
+    let x: Vec<f32> = motion.keys().iter().map(|k| k.translation.x).collect();
+    assert_eq!(x, [1.0, 1.0, 7.0, 7.0, -2.0, -2.0]);
+    for (key, at) in [(1, 0.1_f64), (2, 0.1), (3, 0.6), (4, 0.6)] {
+        assert!((f64::from(motion.times()[key]) - at).abs() <= f64::from(f32::EPSILON), "{:?}", motion.times());
+    }
+    for (u, x) in [(0.0, 1.0), (0.099, 1.0), (0.101, 7.0), (0.3, 7.0), (0.599, 7.0), (0.601, -2.0), (1.0, -2.0)] {
+        assert_eq!(motion.at(u).translation.x, x, "{u}");
+    }
+    let line = slide(Interpolation::Linear, &[0.0, 0.3, 0.6, 0.8, 5.0], &[1.0, 7.0, 7.0, -2.0, 9.0]);
+    let twin = stage(&line, exposure(0.2, 1.2), PIXELS).instances[0].motion.at(0.05).translation.x;
+    assert!(twin != 1.0 && twin != 7.0, "the twin went unnoticed: {twin}");
+}
+
+/// A file whose animation has these key times: loaded, or why not.
+fn loaded(times: [f32; 3]) -> Result<Scene, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let values = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0, 0.0];
+    let bytes: Vec<u8> = times.iter().chain(&values).flat_map(|v| v.to_le_bytes()).collect();
+    std::fs::write(folder.path().join("keys.bin"), bytes).unwrap();
+    let file = serde_json::json!({
+        "asset": {"version": "2.0"},
+        "buffers": [{"uri": "keys.bin", "byteLength": 48}],
+        "bufferViews": [{"buffer": 0, "byteLength": 12}, {"buffer": 0, "byteOffset": 12, "byteLength": 36}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "type": "SCALAR", "count": 3},
+            {"bufferView": 1, "componentType": 5126, "type": "VEC3", "count": 3}],
+        "animations": [{"name": "Walk", "samplers": [{"input": 0, "output": 1}],
+            "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]}],
+        "nodes": [{"name": "Body"}],
+    });
+    let path = folder.path().join("keys.gltf");
+    std::fs::write(&path, file.to_string()).unwrap();
+    load(&path, &LoadOptions::default()).map_err(|e| e.to_string())
+}
+
+/// Could blow up: a search by halves among keys that do not ascend, which finds any. Bound: refused, by name. Twin: the
+/// interpolation between such keys, which runs backwards.
+#[test]
+fn keys_that_do_not_ascend_are_refused() {
+    assert!(loaded([0.0, 1.0, 1.0]).is_ok());
+    for times in [[0.0, 2.0, 1.0], [1.0, 0.0, 2.0], [0.0, f32::NAN, 1.0], [0.0, 1.0, f32::INFINITY]] {
+        let message = loaded(times).unwrap_err();
+        assert!(message.contains("keys.gltf") && message.contains("Walk") && message.contains("key"), "{message}");
+    }
+    // The way from a key at 2 s back to one at 1 s, taken at 3 s: before its beginning.
+    let naive = |t: f64| (t - 2.0) / (1.0 - 2.0);
+    assert!(!(0.0..=1.0).contains(&naive(3.0)), "the twin went unnoticed");
 }
 
 fn slide(interpolation: Interpolation, times: &[f64], xs: &[f32]) -> Scene {
@@ -122,6 +184,7 @@ fn before_the_first_and_after_the_last_key_the_end_values_stand() {
     assert!(twin > 6.0, "the twin went unnoticed");
 }
 
+/// Could blow up: a span from the only key to itself. Bound: it stands, exactly, at every time. Twin: that division.
 #[test]
 fn one_key_stands() {
     for interpolation in [Interpolation::Step, Interpolation::Linear] {
@@ -131,6 +194,8 @@ fn one_key_stands() {
             assert!(motion.is_still() && (motion.at(0.0).translation.x - 5.0).abs() <= 0.0);
         }
     }
+    let (first, last) = (1.0_f64, 1.0_f64);
+    assert!(!(5.0 + 0.0 * (1.0 - first) / (last - first)).is_finite(), "the twin went unnoticed");
 }
 
 /// Could blow up: division by an exposure of no length. Bound: everything stands where it is at that instant. Twin:
@@ -150,13 +215,14 @@ fn an_exposure_of_no_length_freezes_everything() {
     assert!(!((0.25_f64 - 0.25) / shortest.duration().min(0.0)).is_finite(), "the twin went unnoticed");
 }
 
-/// Could blow up: the number of pieces. Bound: 2¹⁷ segments and the exact place at each key, however many keys lie in
-/// the exposure.
+/// Could blow up: the number of pieces. Bound: 2¹⁷ segments and a place of the curve at each key, however many keys lie
+/// in the exposure. Twin: a segment for each of the file's.
 #[test]
 fn a_million_keys_in_an_exposure_are_followed_as_far_as_memory_allows() {
     let times: Vec<f64> = (0..1_000_000).map(|i| f64::from(i) * 1e-6).collect();
     let xs: Vec<f32> = (0..1_000_000_u32).map(|i| (i % 2) as f32).collect();
     let scene = slide(Interpolation::Linear, &times, &xs);
     let motion = stage(&scene, exposure(0.0, 1.0), PIXELS).instances[0].motion.clone();
-    assert!(motion.keys().len() <= 1 << 17 && motion.keys().iter().all(|k| k.is_finite()));
+    assert!(motion.keys().len() <= 1 << 17 && motion.keys().iter().all(|k| (0.0..=1.0).contains(&k.translation.x)));
+    assert!(times.len() > 1 << 17, "the twin went unnoticed");
 }

@@ -1,10 +1,11 @@
 //! Zero, negative, huge and tiny scales, shears, objects squashed to nothing and back, quaternions that are none, turns
 //! by half a circle and by a thousand.
 
+use super::support::{ray, single};
 use crate::moving::{Builder, exposure, linear, stage, track, worst_error};
 use glam::{DMat3, DVec3, DVec4, Quat, Vec3, Vec3A};
 use graeco::scene::rig::{Playback, Rig, spectral_norm};
-use graeco::scene::{Interpolation, LocalTransform, Property, Scene, Stage};
+use graeco::scene::{Interpolation, LocalTransform, Mesh, Property, Scene, Stage};
 use graeco::trace::accel::Accel;
 use graeco::trace::{Backs, Ray};
 use proptest::prelude::*;
@@ -230,7 +231,7 @@ fn quaternions_that_are_none_turn_nothing_and_scale_nothing() {
 }
 
 /// Could blow up: a cubic spline of quaternions through zero, where its direction is undefined and its bend unbounded.
-/// Bound: finite everywhere, and no more keys than there may be.
+/// Bound: finite everywhere, and no more keys than there may be. Twin: the normalised value there, which is no number.
 #[test]
 fn a_spline_of_quaternions_through_zero_stays_finite() {
     let q = Quat::from_xyzw(0.3, 0.1, 0.2, 0.9);
@@ -248,10 +249,13 @@ fn a_spline_of_quaternions_through_zero_stays_finite() {
         assert!(keys < 1 << 17);
         check_finite(&scene, &baked);
     }
+    let middle = q * 0.5 + -q * 0.5;
+    assert!(!(middle * (1.0 / middle.length())).is_finite(), "the twin went unnoticed");
 }
 
-/// Could blow up: the place within the exposure, kept in f32, where a thousand turns make each of its steps count.
-/// Bound: 1/16 pixel. Twin: keys whose true instants differ from their stored places by the rounding.
+/// Could blow up: the place within the exposure, kept in f32, where a thousand turns make each of its steps count; and
+/// what moves between keys that are too few. Bound: 1/16 pixel. Twins: keys that stand one ulp of 1 beside their true
+/// places for every quarter of the exposure that has passed, as a running sum of steps would put them; 4096 even keys.
 #[test]
 fn a_thousand_turns_in_an_exposure_keep_the_bound() {
     const TURNS: u32 = 1000;
@@ -269,17 +273,66 @@ fn a_thousand_turns_in_an_exposure_keep_the_bound() {
     let rig = Rig::new(&scene, &Playback::default()).unwrap();
     let baked = stage(&scene, exposure(0.0, 1.0), PIXELS);
     let (worst, seen) = worst_error(&rig, &baked, 300_007);
-    println!("1000 turns: {} keys, worst {worst:.4} pixels", baked.instances[0].motion.keys().len());
+    let keep = baked.instances[0].motion.keys().len();
+    println!("1000 turns: {keep} keys, worst {worst:.4} pixels");
     // Rounding of matrices: 0.004 pixels, as in tests/motion.rs. Rounding of u: half an ulp of 1 in 1000 turns of a rim
     // of 0.5 m at 74 pixels a metre.
-    assert!(seen > 500_000 && worst <= PIXELS + 0.004 + 0.5 * 74.0 * 6283.2 * 6e-8, "{worst}");
-    let (mut twin, keep) = (baked.clone(), baked.instances[0].motion.keys().len());
-    let times = (0..keep).map(|i| i as f32 / (keep - 1) as f32).collect();
-    twin.instances[0].motion = graeco::scene::Motion::through(times, baked.instances[0].motion.keys().to_vec());
-    // Its places are off by no more than half an ulp as well where segments are even: shifted by one ulp they show.
-    let shifted = twin.instances[0].motion.times().iter().map(|t| (t * (1.0 - 1e-5)).min(1.0)).collect::<Vec<_>>();
-    let mut shifted = shifted;
-    shifted[keep - 1] = 1.0;
-    twin.instances[0].motion = graeco::scene::Motion::through(shifted, baked.instances[0].motion.keys().to_vec());
-    assert!(worst_error(&rig, &twin, 10_007).0 > PIXELS + 0.1, "the twin went unnoticed");
+    let bound = PIXELS + 0.004 + 0.5 * 74.0 * 6283.2 * 6e-8;
+    assert!(seen > 500_000 && worst <= bound, "{worst}");
+    let with = |times: Vec<f32>, keys: Vec<glam::Affine3A>| {
+        let mut twin = baked.clone();
+        twin.instances[0].motion = graeco::scene::Motion::through(times, keys);
+        worst_error(&rig, &twin, 10_007).0
+    };
+    let step = 1.0 / (keep - 1) as f32;
+    let mut summed = vec![0.0_f32; keep];
+    (1..keep).for_each(|i| summed[i] = (summed[i - 1] + step).min(1.0));
+    summed[keep - 1] = 1.0;
+    let drifted = with(summed, baked.instances[0].motion.keys().to_vec());
+    let even: Vec<f32> = (0..=4096_u16).map(|i| f32::from(i) / 4096.0).collect();
+    let poses = even.iter().map(|&u| baked.instances[0].motion.at(u)).collect();
+    let coarse = with(even, poses);
+    println!("1000 turns: a running sum of places {drifted:.3} pixels, 4096 even keys {coarse:.3}");
+    assert!(drifted > bound && coarse > bound, "a twin went unnoticed");
+}
+
+/// Could blow up: the side of a mirrored triangle, and normals under shears, which are not carried by the matrix itself.
+/// Bound: the front is what glTF says (§3.7.4: a negative determinant turns the winding), normals are across the surface
+/// to 10⁻⁵, at scales of 10⁻¹² to 10¹². Twins: winding regardless of the determinant; normals carried like vectors.
+#[test]
+fn mirrors_and_shears_carry_normals() {
+    let corners = TRIANGLE.map(Vec3A::from);
+    let own = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+    let (mut turned, mut bent) = (0, 0);
+    for size in [1e-12_f32, 1e-6, 1.0, 1e6, 1e12] {
+        for signs in [Vec3::ONE, Vec3::new(-1.0, 1.0, 1.0), Vec3::new(-1.0, -1.0, 1.0), Vec3::NEG_ONE] {
+            for shear in [0.0, 0.8, 30.0] {
+                for permanent in [true, false] {
+                    let mut m = glam::Affine3A::from_scale_rotation_translation(
+                        signs * size * Vec3::new(1.0, 2.0, 0.5),
+                        Quat::from_rotation_y(0.3),
+                        Vec3::ZERO,
+                    );
+                    m.matrix3.z_axis += m.matrix3.x_axis * shear;
+                    let mesh = Mesh { positions: TRIANGLE.to_vec(), triangles: vec![[0, 1, 2]], ..Mesh::default() };
+                    let (scene, mut stage) = single(mesh, m);
+                    stage.instances[0].permanent = permanent;
+                    let accel = Accel::build(&scene, &stage, None);
+                    let [a, b, c] = corners.map(|p| m.transform_point3a(p));
+                    let across = (b - a).as_dvec3().cross((c - a).as_dvec3());
+                    let across = across.normalize().as_vec3a();
+                    let front = if m.matrix3.determinant() < 0.0 { -across } else { across };
+                    let ray = ray((a + b + c) / 3.0 + across * size, -across, 0.0);
+                    let about = format!("size {size}, {signs}, shear {shear}, permanent {permanent}");
+                    let hit = accel.closest(&ray, |_| true).unwrap_or_else(|| panic!("{about}: lost"));
+                    let surface = accel.surface(&scene, &stage, &ray, &hit);
+                    assert!(surface.geometric_normal.abs_diff_eq(front, 1e-5), "{about}: {surface:?} {front}");
+                    turned += usize::from(!surface.geometric_normal.abs_diff_eq(across, 1e-5));
+                    let carried = (m.matrix3 * own).normalize();
+                    bent += usize::from(carried.dot(front).abs() < 0.999);
+                }
+            }
+        }
+    }
+    assert!(turned > 20 && bent > 20, "a twin went unnoticed: {turned} {bent}");
 }

@@ -5,16 +5,13 @@ use super::context::{Context, LARGEST, label};
 use super::schema::{Object, TextureDef, TextureInfo};
 use super::uri;
 use crate::scene::decode;
-use crate::scene::texture::TexelFilter;
+use crate::scene::texture::{MAX_UV_SETS, TexelFilter};
 use crate::scene::{Image, Material, Pixels, Texture, TextureId, TextureRef, Wrap};
 use crate::{Error, Result};
 use glam::{Affine2, Mat2, Vec2};
 use rayon::prelude::*;
 use std::cell::RefCell;
 use std::collections::HashMap;
-
-/// Coordinate sets that a material may read; the tracer carries no more.
-const UV_SETS: usize = crate::scene::texture::MAX_UV_SETS;
 
 /// What an image becomes on its way from the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -61,8 +58,8 @@ impl Wanted {
         let Some(texture) = self.texture(ctx, info.index, conversion, object)? else { return Ok(None) };
         let (transform, over) = transform(ctx, &info.extensions, object)?;
         let uv_set = over.unwrap_or(info.tex_coord);
-        if uv_set >= UV_SETS {
-            ctx.warn(object, format!("reads texture coordinate set {uv_set}; sets 0 to {} are read", UV_SETS - 1));
+        if uv_set >= MAX_UV_SETS {
+            ctx.warn(object, format!("reads texture coordinate set {uv_set}; sets 0 to {} are read", MAX_UV_SETS - 1));
             return Ok(None);
         }
         Ok(Some(TextureRef { texture, uv_set, transform }))

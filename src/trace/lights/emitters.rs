@@ -7,9 +7,9 @@ use super::rectangle::Rectangle;
 use super::tree::Extent;
 use crate::numeric::luminance;
 use crate::scene::motion::segment_at;
+use crate::scene::texture::MAX_UV_SETS;
 use crate::scene::{AlphaMode, Scene, Stage};
 use crate::trace::bsdf::Materials;
-use crate::trace::surface::MAX_UV_SETS;
 use crate::trace::texture::{ColorSpace, Footprint, mean};
 use glam::{Vec2, Vec3, Vec3A};
 

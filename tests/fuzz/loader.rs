@@ -1,74 +1,21 @@
 //! Mutated corpus files: whatever the bytes, the loader returns; it never panics, hangs or takes the machine's memory.
-//!
-//! The mutations are drawn from a fixed seed, so a failure names an iteration that repeats. `GRAECO_FUZZ_SECONDS`
-//! goes on for longer than the default number of iterations.
-#![allow(
-    clippy::unwrap_used,
-    clippy::print_stderr,
-    clippy::print_stdout,
-    clippy::cast_possible_truncation,
-    clippy::cast_precision_loss,
-    reason = "helpers of tests: a failure is a panic, numbers are small, and skipped tests say so"
-)]
+//! What it lets through can be looked at: the scene is baked at an instant and over an exposure.
 
-use graeco::numeric::mix64;
+use crate::corpus::{corpus, files};
+use crate::{Random, fuzz};
+use graeco::scene::Scene;
 use graeco::scene::gltf::{LoadOptions, load};
+use graeco::scene::rig::{Playback, Rig};
+use graeco::scene::view::{View, ViewRequest};
+use graeco::time::Exposure;
 use std::collections::BTreeMap;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::path::Path;
 use tempfile::TempDir;
 
 /// Files larger than this are left out: mutations would rarely hit what matters.
 const LARGEST: u64 = 64 << 10;
-
-/// Iterations of a plain test run.
-const ITERATIONS: u64 = 3000;
-
-fn corpus() -> Option<PathBuf> {
-    let root = std::env::var_os("GRAECO_CORPUS")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/gltf"), PathBuf::from);
-    if root.join("SOURCES.md").is_file() {
-        return Some(root);
-    }
-    assert!(std::env::var_os("GRAECO_REQUIRE_ALL").is_none(), "there is no corpus at {}", root.display());
-    eprintln!("skipped: there is no corpus at {}", root.display());
-    None
-}
-
-/// Scene files that stand alone or bring small neighbours, in a fixed order.
-fn seeds(root: &Path) -> Vec<PathBuf> {
-    let (mut found, mut pending) = (Vec::new(), vec![root.to_path_buf()]);
-    while let Some(folder) = pending.pop() {
-        for entry in fs::read_dir(&folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                pending.push(path);
-            } else if path.extension().is_some_and(|e| e == "gltf" || e == "glb")
-                && fs::metadata(&path).unwrap().len() <= LARGEST
-            {
-                found.push(path);
-            }
-        }
-    }
-    found.sort();
-    found
-}
-
-/// A stream of numbers from one seed.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        mix64(self.0)
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        (self.next() % n.max(1) as u64) as usize
-    }
-}
 
 /// Numbers that break bounds.
 const NUMBERS: [&str; 16] = [
@@ -114,8 +61,7 @@ fn mutate(data: &mut Vec<u8>, random: &mut Random) {
             _ => {
                 let Some(start) = data[at..].iter().position(u8::is_ascii_digit).map(|i| at + i) else { continue };
                 let end = data[start..].iter().position(|b| !b.is_ascii_digit()).map_or(data.len(), |i| start + i);
-                let number = NUMBERS[random.below(NUMBERS.len())];
-                data.splice(start..end, number.bytes());
+                data.splice(start..end, random.pick(&NUMBERS).bytes());
             }
         }
     }
@@ -143,23 +89,39 @@ fn twin(folder: &Path) -> TempDir {
     twin
 }
 
+/// Looks at `scene` at an instant and over an exposure; what the stage says must be numbers.
+fn look(scene: &Scene, random: &mut Random) {
+    let Ok(rig) = Rig::new(scene, &Playback { animation: None, looped: random.below(2) == 0 }) else { return };
+    let request = ViewRequest { motion_error: 0.5, size: (64, 48), pixel_aspect: 1.0, ..ViewRequest::default() };
+    let Ok(view) = View::new(&rig, &request) else { return };
+    let open = random.pick(&[-1.0, 0.0, 0.3, 1e6]);
+    for length in [0.0, 1.0 / 48.0] {
+        let stage = view.stage(&rig, Exposure { open, close: open + length });
+        for instance in &stage.instances {
+            let times = instance.motion.times();
+            assert!(times.windows(2).all(|w| w[0] <= w[1]), "key times ascend: {times:?}");
+            assert!(instance.geometry < stage.geometries.len() && instance.node < scene.nodes.len());
+        }
+        for geometry in &stage.geometries {
+            let mesh = &scene.meshes[geometry.mesh];
+            assert!(geometry.keys.iter().all(|k| k.positions.len() == mesh.positions.len()));
+            assert!(mesh.triangles.iter().flatten().all(|&i| (i as usize) < mesh.positions.len()));
+        }
+    }
+}
+
 #[test]
 fn mutated_files_never_panic() {
     let Some(root) = corpus() else { return };
-    let seeds = seeds(&root);
+    let small = |path: &std::path::PathBuf| fs::metadata(path).unwrap().len() <= LARGEST;
+    let seeds: Vec<_> = files(&root).into_iter().filter(small).collect();
     assert!(seeds.len() > 200, "the corpus has small files to mutate");
-    let longer = std::env::var("GRAECO_FUZZ_SECONDS").ok().map(|s| Duration::from_secs(s.parse().unwrap()));
-    let start = Instant::now();
     let (mut loaded, mut refused) = (0_u64, 0_u64);
     let mut folders = BTreeMap::new();
-    for iteration in 0.. {
-        if iteration >= ITERATIONS && longer.is_none_or(|limit| start.elapsed() > limit) {
-            break;
-        }
-        let mut random = Random(mix64(iteration));
+    fuzz("loader", 3000, |iteration, random| {
         let seed = &seeds[random.below(seeds.len())];
         let mut data = fs::read(seed).unwrap();
-        mutate(&mut data, &mut random);
+        mutate(&mut data, random);
         if random.below(2) == 0 {
             repair(&mut data);
         }
@@ -168,7 +130,8 @@ fn mutated_files_never_panic() {
         let path = folder.path().join("mutated").with_extension(seed.extension().unwrap());
         fs::write(&path, &data).unwrap();
         let options = LoadOptions { memory_limit: Some(256 << 20), ..LoadOptions::default() };
-        match catch_unwind(AssertUnwindSafe(|| load(&path, &options))) {
+        let attempt = AssertUnwindSafe(|| load(&path, &options).inspect(|scene| look(scene, random)));
+        match catch_unwind(attempt) {
             Ok(Ok(_)) => loaded += 1,
             Ok(Err(e)) => {
                 refused += 1;
@@ -180,6 +143,7 @@ fn mutated_files_never_panic() {
                 panic!("iteration {iteration}, from {}: panic; see {}", seed.display(), kept.display());
             }
         }
-    }
+    });
     eprintln!("{loaded} mutated files loaded, {refused} were refused");
+    assert!(loaded > 100 && refused > 100, "mutations are neither harmless nor all fatal");
 }
