@@ -190,6 +190,7 @@ impl<'a> Shot<'a> {
 
     fn camera(&self, stage: &Stage) -> CameraRays {
         CameraRays::new(&stage.camera, self.settings.size, self.settings.pixel_aspect.ratio())
+            .shared_by(self.settings.sampling.runs)
     }
 
     /// How large blur is on frame `frame`, for each exposure, and what the frame is expected to take, from rendering a

@@ -43,6 +43,15 @@ impl CameraRays {
         Self { camera: camera.clone(), half, size, pixel: (2.0 * half_height / size.y) as f32 }
     }
 
+    /// The same camera with cones for one of `runs` samples that share a pixel: each covers its part of the pixel's area,
+    /// so that textures are not blurred over the pixel twice, and ever less as runs grow.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation, reason = "a pixel's size needs no more")]
+    pub fn shared_by(mut self, runs: u32) -> Self {
+        self.pixel /= f64::from(runs.max(1)).sqrt() as f32;
+        self
+    }
+
     /// The camera.
     #[must_use]
     pub fn camera(&self) -> &StageCamera {
