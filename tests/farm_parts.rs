@@ -67,8 +67,10 @@ fn merged(paths: Vec<PathBuf>) -> Picture {
     pictures(collection.settings(), &record, FRAME, &merged.frame, FieldFiles::Woven).unwrap().remove(0)
 }
 
+type Planes = Vec<(String, Vec<u32>)>;
+
 /// All that a picture says, floats as they are written: a difference of one bit shows.
-fn bits(picture: &Picture) -> (Vec<u32>, Vec<(String, Vec<u32>)>, String) {
+fn bits(picture: &Picture) -> (Vec<u32>, Planes, String) {
     let planes = picture.planes.iter().map(|p| (p.name.clone(), p.samples.iter().map(|v| v.to_bits()).collect()));
     let colour = picture.rgb.iter().flatten().map(|v| v.to_bits()).collect();
     (colour, planes.collect(), format!("{:?} {:?} {:?}", picture.metadata, picture.window, picture.alpha))
@@ -233,7 +235,8 @@ fn a_partial_merge_leaves_out_what_is_missing_and_says_so() {
     let there = some.alpha.as_ref().unwrap();
     assert!(there.contains(&0.0) && there.contains(&1.0));
     for (i, &alpha) in there.iter().enumerate() {
-        assert_eq!(some.rgb[i], if alpha > 0.0 { whole.rgb[i] } else { [0.0; 3] });
+        let expected = if alpha > 0.0 { whole.rgb[i] } else { [0.0; 3] };
+        assert_eq!(some.rgb[i].map(f32::to_bits), expected.map(f32::to_bits));
     }
     // A damaged record costs its block, no more.
     let middle = bytes.len() / 2;

@@ -31,6 +31,9 @@ mod family;
 
 use family::{Kernel, Nature, Random};
 
+/// What each group's terms without a factor add up to, by prefix; and those with it: number and places.
+type Split = (Vec<Vec<f64>>, Vec<(usize, (Vec<u32>, u32))>);
+
 /// Factors covered: film x y, shutter, lens u v, then light, lobe, light, lobe pairs.
 const FACTORS: usize = 13;
 
@@ -195,8 +198,7 @@ impl<'a> Search<'a> {
     }
 
     /// What each group's terms without `factor` add up to, by prefix; and those with it, with their places.
-    #[allow(clippy::type_complexity, reason = "two lists")]
-    fn split(&self, factor: usize, active: usize) -> (Vec<Vec<f64>>, Vec<(usize, (Vec<u32>, u32))>) {
+    fn split(&self, factor: usize, active: usize) -> Split {
         let mut without = vec![vec![0.0; self.bits + 1]; self.goal.weights.len()];
         let mut with = Vec::new();
         for (number, term) in self.terms(active) {
@@ -211,12 +213,7 @@ impl<'a> Search<'a> {
     }
 
     /// The objective if `factor`'s coordinates have the leading zeros `zeros`.
-    fn value(
-        &self,
-        (without, with): &(Vec<Vec<f64>>, Vec<(usize, (Vec<u32>, u32))>),
-        counts: &[f64],
-        zeros: &[u8],
-    ) -> f64 {
+    fn value(&self, (without, with): &Split, counts: &[f64], zeros: &[u8]) -> f64 {
         let mut groups = without.clone();
         for (number, places) in with {
             let term = &self.goal.terms[*number];

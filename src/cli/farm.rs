@@ -17,9 +17,9 @@ const TASKS: &str = "Tasks";
 #[derive(Debug, Clone, Subcommand)]
 pub(crate) enum FarmCommand {
     /// An Open Job Description template, for AWS Deadline Cloud and `openjd run`
-    Openjd(FarmArgs),
+    Openjd(Box<FarmArgs>),
     /// A script for Slurm: an array job, and a merge after it
-    Slurm(SlurmArgs),
+    Slurm(Box<SlurmArgs>),
 }
 
 /// How finished frames are written: as `graeco render` has them.

@@ -160,7 +160,7 @@ pub fn study(
 
 /// Long estimates of the pixels that `pass` exposes.
 fn references(
-    function: &(impl ImageFunction + Sync),
+    function: &impl ImageFunction,
     factors: &[Factor],
     pass: &Pass<'_>,
     pixels: &[[i32; 2]],
@@ -187,7 +187,7 @@ fn references(
 
 /// The design drawn, and each pixel's mean squared error over draws and channels: plain, relative.
 fn errors(
-    function: &(impl ImageFunction + Sync),
+    function: &impl ImageFunction,
     factors: &[Factor],
     pass: &Pass<'_>,
     kind: Kind,

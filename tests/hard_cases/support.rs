@@ -152,7 +152,7 @@ pub(crate) fn moller_trumbore(corners: [Vec3A; 3], ray: &Ray) -> Option<f32> {
     let inverse = 1.0 / e1.dot(p);
     let s = ray.origin - corners[0];
     let u = s.dot(p) * inverse;
-    if u < 0.0 || u > 1.0 {
+    if !(0.0..=1.0).contains(&u) {
         return None;
     }
     let q = s.cross(e1);

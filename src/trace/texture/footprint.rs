@@ -68,6 +68,7 @@ pub(super) struct Axes {
 /// that a lookup reads.
 const MOST_ANISOTROPY: f32 = 16.0;
 
+#[allow(clippy::cast_possible_truncation, reason = "widths are computed in double precision and kept in single")]
 impl Ellipse {
     /// Diameter of the disk of equal area.
     pub(super) fn round_width(&self) -> f32 {
