@@ -146,13 +146,17 @@ pub(crate) fn count(full: usize, part: usize) -> usize {
 }
 
 /// The twin of the triangle test: Möller and Trumbore 1997, in `f32`, by early returns as it is usually written.
+#[allow(
+    clippy::manual_range_contains,
+    reason = "what is not a number passes, as it does where this is usually written"
+)]
 pub(crate) fn moller_trumbore(corners: [Vec3A; 3], ray: &Ray) -> Option<f32> {
     let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
     let p = ray.direction.cross(e2);
     let inverse = 1.0 / e1.dot(p);
     let s = ray.origin - corners[0];
     let u = s.dot(p) * inverse;
-    if !(0.0..=1.0).contains(&u) {
+    if u < 0.0 || u > 1.0 {
         return None;
     }
     let q = s.cross(e1);
