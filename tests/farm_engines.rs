@@ -1,4 +1,4 @@
-//! Jobs for render managers, run by them: `tests/farm/` holds the scripts. Skipped where a manager is not installed.
+//! Jobs for render managers, run by them: `tests/managers/` holds the scripts. Skipped where a manager is not installed.
 #![allow(
     clippy::unwrap_used,
     clippy::print_stderr,
@@ -16,14 +16,14 @@ fn find(program: &str) -> Option<PathBuf> {
     folders.map(|folder| folder.join(program)).find(|file| file.is_file())
 }
 
-/// Runs a script of `tests/farm/` unless one of `programs` is missing.
+/// Runs a script of `tests/managers/` unless one of `programs` is missing.
 fn script(name: &str, programs: &[&str]) {
     if let Some(missing) = programs.iter().find(|p| find(p).is_none()) {
         assert!(std::env::var_os("GRAECO_REQUIRE_ALL").is_none(), "{missing} is required, but is not installed");
         eprintln!("skipped: {missing} is not installed");
         return;
     }
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/farm").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/managers").join(name);
     let mut command = Command::new("bash");
     command.arg(path).env("GRAECO", env!("CARGO_BIN_EXE_graeco"));
     if let Some(openjd) = find("openjd") {

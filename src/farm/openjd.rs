@@ -254,14 +254,14 @@ mod tests {
     pub(super) fn job(parts: u32, slicing: Slicing, frames_per_task: usize) -> Job {
         Job {
             name: "shot \"7\"".into(),
-            scene: "/farm/a/shot.glb".into(),
+            scene: "/shots/a/shot.glb".into(),
             environment: None,
             settings: vec!["--runs=64".into(), "--depth=float".into()],
             frames: (1..=6).collect(),
             runs: 64,
             division: Division { slicing, parts, frames_per_task, task_s: 10.0 },
             merged_per_task: 1,
-            pictures: "/farm/a/out/shot.####.exr".parse().unwrap(),
+            pictures: "/shots/a/out/shot.####.exr".parse().unwrap(),
             parts: "/elsewhere/parts".into(),
             needs: Needs { threads: 2, memory_mib: 512 },
         }
@@ -269,7 +269,7 @@ mod tests {
 
     #[test]
     fn paths_below_the_template_have_defaults_and_others_are_asked_for() {
-        let t = template(&job(2, Slicing::Tiles, 1), Path::new("/farm/a")).unwrap();
+        let t = template(&job(2, Slicing::Tiles, 1), Path::new("/shots/a")).unwrap();
         assert!(t.text.contains("name: Scene, type: PATH, objectType: FILE, dataFlow: IN, default: \"shot.glb\""));
         assert!(t.text.contains("default: \"out\""), "{}", t.text);
         assert_eq!(t.needed, [("PartsDir", "/elsewhere/parts".to_owned())]);
