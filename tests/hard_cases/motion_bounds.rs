@@ -71,6 +71,13 @@ fn random_stage(seed: u64, reach: f32) -> (Scene, Stage) {
     (scene(vec![mesh]), stage(placed))
 }
 
+/// How much more `m` stretches one direction than another, at least 1: by how much its inverse magnifies roundings.
+fn stretch(m: &Affine3A) -> f32 {
+    let norm =
+        |m: &glam::Mat3A| (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt();
+    (norm(&m.matrix3) * norm(&m.matrix3.inverse()) / 3.0).max(1.0)
+}
+
 /// Aims `rays` at random points of random triangles at random times.
 fn aimed(seed: u64, reach: f32, rays: usize) {
     let (scene, stage) = random_stage(seed, reach);
@@ -100,7 +107,11 @@ fn aimed(seed: u64, reach: f32, rays: usize) {
         let edge = (b - a).length().max((c - a).length()).max((c - b).length());
         // Slivers and triangles seen edge-on may be missed by the rounding of the aim itself.
         // A point `reach` away is rounded by several steps of its place: so is what is narrower than 80 of them.
-        let narrow = 2.0 * area < 1e-5 * (2.0 + reach) * edge;
+        // And a nearly flat matrix moves the ray by what its inverse does not undo.
+        let place = stage.instances[i].motion.at(u_time);
+        let undone = |p: Vec3A| (place.transform_point3a(place.inverse().transform_point3a(p)) - p).length();
+        let astray = undone(target).max(undone(from)).max(1e-7 * (2.0 + reach) * stretch(&place));
+        let narrow = 2.0 * area < edge * (1e-5 * (2.0 + reach)).max(16.0 * astray) || !astray.is_finite();
         if narrow || area < 1e-3 * edge * edge || way.dot(normal).abs() < 1e-2 * way.length() * normal.length() {
             continue;
         }
