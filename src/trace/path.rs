@@ -7,7 +7,7 @@
 //!
 //! Without [`Caustics::On`] the path's later facets are regularised (Kaplanyan and Dachsbacher 2013, "Path Space
 //! Regularization for Holistic and Robust Light Transport"): after a lobe of GGX width a (1 for diffuse) none is narrower
-//! than a [part](REGULARISED) of a, so that no lamp is seen in one by a rare chance.
+//! than a quarter of a, so that no lamp is seen in one by a rare chance.
 
 use super::accel::Accel;
 use super::bsdf::{BsdfSample, Materials, Medium, Scatter, Shading, ShadingQuery, wavelength};
