@@ -184,15 +184,15 @@ impl Row {
     }
 }
 
-/// Measures one kind at one number of runs on every function; `all_factors` builds the design over all seven factors
-/// whatever a function uses, as a renderer without an effects plan would.
+/// Measures one kind at one number of runs on every function. Each design is built over the factors that the function
+/// varies with, as the effects plan would have it.
 #[must_use]
 pub fn row(kind: Kind, runs: u32, placements: &[Placements], effort: Effort) -> Row {
     let functions = placements
         .iter()
         .map(|p| {
             let options = DesignOptions { kind, dither: Dither::NONE, runs, seed: effort.seed, ..Default::default() };
-            let design = Design::new(&options, &crate::trace::analytic::FACTORS);
+            let design = Design::new(&options, &p.kind().factors());
             measure(&design, &p.problems(), effort.randomizations)
         })
         .collect();

@@ -5,14 +5,15 @@
 //! and zone plates have closed forms; the disk and the wheel are closed in all but two or three dimensions, over which
 //! Gauss panels integrate to about 10⁻⁵.
 
-use super::quadrature::{
-    circle_rectangle_overlap, circles_overlap, half_space_volume, integrate, integrate_pieces, panels,
-    two_uniforms_between,
-};
+mod disk;
+mod placement;
+
+use super::quadrature::{half_space_volume, integrate, integrate_pieces, two_uniforms_between};
 use super::{FilmPoint, ImageFunction};
 use crate::design::{Factor, Point};
-use crate::numeric::mix64;
+use disk::{MovingDisk, Plane};
 use glam::Vec3;
+pub use placement::{Lighting, Ranges};
 use std::f64::consts::PI;
 
 /// The factors in the order of a function's coordinates.
@@ -119,132 +120,7 @@ enum Shape {
     },
 }
 
-#[derive(Debug, Clone, Copy)]
-struct MovingDisk {
-    centre: [f64; 2],
-    velocity: [f64; 2],
-    radius: f64,
-    /// Circle of confusion's radius at the disk, pixels.
-    lens: f64,
-    emitted: f64,
-    plane: Plane,
-}
-
-/// How the plane behind a disk is lit.
-#[derive(Debug, Clone, Copy)]
-enum Plane {
-    /// By a square light of side `light`, `height` above, whose centre is `offset` from the film's origin: brightness
-    /// falls with the fourth power of the cosine, as under a small element of a light that faces the plane. The disk
-    /// casts no shadow.
-    Lit { light: f64, height: f64, offset: [f64; 2] },
-    /// Evenly, but for the disk's shadow: `light` is the light's side projected onto the disk's plane, `offset` where
-    /// its centre is projected to.
-    Shadowed { light: f64, offset: [f64; 2] },
-}
-
-/// A short stream of independent numbers in [0, 1) for parameters.
-struct Parameters(u64);
-
-impl Parameters {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        #[allow(clippy::cast_precision_loss, reason = "53 bits")]
-        let unit = (mix64(self.0) >> 11) as f64 / (1_u64 << 53) as f64;
-        unit
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    /// Log-uniform.
-    fn scale(&mut self, low: f64, high: f64) -> f64 {
-        low * libm::pow(high / low, self.unit())
-    }
-
-    fn direction(&mut self) -> [f64; 2] {
-        // Not along an axis: weights must not vanish.
-        loop {
-            let (s, c) = libm::sincos(2.0 * PI * self.unit());
-            if s.abs() > 0.03 && c.abs() > 0.03 {
-                return [c, s];
-            }
-        }
-    }
-
-    fn vector(&mut self, low: f64, high: f64) -> [f64; 2] {
-        let [x, y] = self.direction();
-        let length = self.scale(low, high);
-        [x * length, y * length]
-    }
-}
-
 impl Analytic {
-    /// The placement number `placement` of a kind, drawn from `seed`.
-    #[must_use]
-    pub fn placement(kind: AnalyticKind, placement: u32, seed: u64) -> Self {
-        let mut p = Parameters(mix64(seed ^ mix64(u64::from(placement) << 8 | kind as u64)));
-        let shape = match kind {
-            AnalyticKind::Edge | AnalyticKind::LensEdge => {
-                let [nx, ny] = p.direction();
-                let [vx, vy] = p.vector(0.2, 4.0);
-                let mut weights = vec![nx, ny, -(nx * vx + ny * vy)];
-                if weights[2].abs() < 0.03 {
-                    weights[2] = 0.03;
-                }
-                if kind == AnalyticKind::LensEdge {
-                    let blur = p.scale(0.3, 4.0);
-                    weights.extend([nx * blur, ny * blur]);
-                }
-                let c = weights.iter().map(|w| w * p.unit()).sum();
-                Shape::HalfSpace { weights, c }
-            }
-            AnalyticKind::SoftShadow => {
-                let (velocity, penumbra, half) = (p.vector(0.2, 4.0), p.scale(0.3, 4.0), p.scale(0.4, 4.0));
-                let (t, side) = (p.unit(), if p.unit() < 0.5 { -half } else { half });
-                let edge = [side, p.between(-half, half)];
-                let centre = [0, 1].map(|k| p.unit() + velocity[k] * t + penumbra * (p.unit() - 0.5) - edge[k]);
-                Shape::Shadow { centre, velocity, penumbra, half }
-            }
-            AnalyticKind::Disk => {
-                let (velocity, radius) = (p.vector(0.2, 1.5), p.scale(0.7, 6.0));
-                let [ex, ey] = p.direction();
-                let t = p.unit();
-                Shape::Disk(MovingDisk {
-                    centre: [p.unit() - radius * ex - velocity[0] * t, p.unit() - radius * ey - velocity[1] * t],
-                    velocity,
-                    radius,
-                    lens: p.scale(0.1, 1.0),
-                    emitted: 0.0,
-                    plane: Plane::Lit {
-                        light: p.scale(0.5, 4.0),
-                        height: p.scale(1.0, 4.0),
-                        offset: p.vector(0.1, 3.0),
-                    },
-                })
-            }
-            AnalyticKind::SmoothProduct => {
-                Shape::Gaussians { a: std::array::from_fn(|_| p.scale(0.4, 2.0)), b: std::array::from_fn(|_| p.unit()) }
-            }
-            AnalyticKind::ZonePlate => Shape::Zone {
-                k: p.scale(1.0, 12.0),
-                speed: p.scale(0.2, 3.0),
-                centre: [p.between(-2.0, 3.0), p.between(-2.0, 3.0)],
-            },
-            AnalyticKind::Wheel => {
-                let [dx, dy] = p.direction();
-                let away = p.scale(1.2, 12.0);
-                Shape::Wheel {
-                    centre: [0.5 + dx * away, 0.5 + dy * away],
-                    spokes: libm::floor(p.between(6.0, 25.0)),
-                    turn: p.scale(0.3, 6.0),
-                    ring: p.scale(0.4, 2.0),
-                }
-            }
-        };
-        Self { kind, shape }
-    }
-
     /// One disk as large as a picture of `side`² pixels wants it, for studies of structure between pixels; `heading`
     /// (0 to 3) chooses among four motions. With `sharp` there is neither lens nor penumbra, and it moves further.
     #[must_use]
@@ -361,78 +237,6 @@ impl ImageFunction for Analytic {
         let value = self.value(&p) as f32;
         Vec3::splat(value)
     }
-}
-
-impl MovingDisk {
-    fn at(&self, t: f64) -> [f64; 2] {
-        [0, 1].map(|k| self.centre[k] + self.velocity[k] * t)
-    }
-
-    fn value(&self, p: &[f64; 7]) -> f64 {
-        let [cx, cy] = self.at(p[2]);
-        let [lx, ly] = disk_from_square(p[3], p[4]).map(|l| l * self.lens);
-        if (p[0] + lx - cx).powi(2) + (p[1] + ly - cy).powi(2) < self.radius * self.radius {
-            return self.emitted;
-        }
-        match self.plane {
-            Plane::Lit { light, height, offset } => {
-                let [gx, gy] = [0, 1].map(|k| offset[k] - p[k] + light * (p[5 + k] - 0.5));
-                let cosine_squared = height * height / (height * height + gx * gx + gy * gy);
-                cosine_squared * cosine_squared
-            }
-            Plane::Shadowed { light, offset } => {
-                let [gx, gy] = [0, 1].map(|k| p[k] + offset[k] + light * (p[5 + k] - 0.5));
-                if (gx - cx).powi(2) + (gy - cy).powi(2) < self.radius * self.radius { 0.0 } else { 1.0 }
-            }
-        }
-    }
-
-    /// Lens and shadow in closed form; film and time by quadrature, and the lit plane's light.
-    fn mean(&self, x: f64, y: f64, fine: usize) -> f64 {
-        let mut sum = 0.0;
-        for (px, wx) in panels(x, x + 1.0, fine) {
-            for (py, wy) in panels(y, y + 1.0, fine) {
-                let lit = self.lit(px, py);
-                for (t, wt) in panels(0.0, 1.0, fine) {
-                    let [cx, cy] = self.at(t);
-                    let shared = circles_overlap(self.radius, self.lens, (px - cx).hypot(py - cy));
-                    let covered = shared / (PI * self.lens * self.lens);
-                    let seen = lit * (1.0 - self.dark([px - cx, py - cy]));
-                    sum += wt * wx * wy * (covered * self.emitted + (1.0 - covered) * seen);
-                }
-            }
-        }
-        sum
-    }
-
-    /// Brightness of the plane at a film position, averaged over the light.
-    fn lit(&self, x: f64, y: f64) -> f64 {
-        let Plane::Lit { light, height, offset } = self.plane else { return 1.0 };
-        let square = height * height;
-        let low = [offset[0] - x, offset[1] - y].map(|o| o - 0.5 * light);
-        let sum = integrate(low[0], low[0] + light, 1, |gx| {
-            integrate(low[1], low[1] + light, 1, |gy| (square / (square + gx * gx + gy * gy)).powi(2))
-        });
-        sum / (light * light)
-    }
-
-    /// Share of the light that the disk hides from a position relative to the disk's centre.
-    fn dark(&self, at: [f64; 2]) -> f64 {
-        let Plane::Shadowed { light, offset } = self.plane else { return 0.0 };
-        let [x, y] = [0, 1].map(|k| at[k] + offset[k] - 0.5 * light);
-        circle_rectangle_overlap(self.radius, [x, x + light], [y, y + light]) / (light * light)
-    }
-}
-
-/// The concentric map of the square onto the unit disk, area for area (Shirley and Chiu 1997).
-fn disk_from_square(u: f64, v: f64) -> [f64; 2] {
-    let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
-    if a == 0.0 && b == 0.0 {
-        return [0.0; 2];
-    }
-    let (radius, turn) = if a.abs() > b.abs() { (a, PI / 4.0 * (b / a)) } else { (b, PI / 2.0 - PI / 4.0 * (a / b)) };
-    let (s, c) = libm::sincos(turn);
-    [radius * c, radius * s]
 }
 
 /// Mean of the zone plate over a pixel whose corner is `low` from the centre: Fresnel's integrals of first and second
