@@ -41,10 +41,10 @@ pub(crate) struct StudyDesignsArgs {
     #[arg(long, value_name = "N", default_value_t = 1024, requires = "scene")]
     pub(crate) pixels: u32,
     /// With --scene: independent draws of each design in each pixel
-    #[arg(long, value_name = "N", default_value_t = 8, requires = "scene", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 16, requires = "scene", value_parser = clap::value_parser!(u32).range(2..))]
     pub(crate) draws: u32,
-    /// With --scene: runs of each pixel's reference
-    #[arg(long, value_name = "N", default_value_t = 65_536, requires = "scene", value_parser = clap::value_parser!(u32).range(2..=1 << 24))]
+    /// With --scene: runs of each pixel's reference; 0 takes the variance between draws for the error
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "scene", value_parser = clap::value_parser!(u32).range(..=1 << 24))]
     pub(crate) reference_runs: u32,
     /// Options of `render` for --scene (480x270 pixels unless --size is among them)
     #[arg(last = true, value_name = "OPTIONS", requires = "scene")]

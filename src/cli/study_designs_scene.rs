@@ -19,8 +19,8 @@ struct Options {
     shot: ShotArgs,
 }
 
-const HEADER: &str = "| design | runs | MSE | relative to random | to sobol | to the best | relMSE: to random | to the best |\n\
-                      |-|-|-|-|-|-|-|-|";
+const HEADER: &str = "| design | runs | MSE: to random | relMSE | to random | to sobol | to the best | capped: to random | to the best |\n\
+                      |-|-|-|-|-|-|-|-|-|";
 
 fn shown(ratio: Ratio) -> String {
     format!("{:.3} ± {:.3}", ratio.value, ratio.half)
@@ -29,37 +29,40 @@ fn shown(ratio: Ratio) -> String {
 fn line(row: &Row) -> String {
     let name = if row.kind == Kind::Auto { format!("auto ({})", row.drawn) } else { row.kind.to_string() };
     format!(
-        "| {name} | {} | {:.3e} | {} | {} | {} | {} | {} |",
+        "| {name} | {} | {} | {:.3e} | {} | {} | {} | {} | {} |",
         row.runs,
-        row.mse,
-        shown(row.to_random),
-        shown(row.to_sobol),
-        shown(row.to_best),
-        shown(row.rel_to_random),
-        shown(row.rel_to_best)
+        shown(row.to_random[0]),
+        row.errors[1],
+        shown(row.to_random[1]),
+        shown(row.to_sobol[1]),
+        shown(row.to_best[1]),
+        shown(row.to_random[2]),
+        shown(row.to_best[2])
     )
 }
 
 fn csv(rows: &[Row]) -> String {
     let mut out = String::from(
-        "design,drawn,runs,mse,rel_mse,to_random,to_random_half,to_sobol,to_sobol_half,rel_to_random,rel_to_random_half\n",
+        "design,drawn,runs,measure,error,to_random,to_random_half,to_sobol,to_sobol_half,to_best,to_best_half\n",
     );
     for r in rows {
-        let _ = writeln!(
-            out,
-            "{},{},{},{:e},{:e},{:.5},{:.5},{:.5},{:.5},{:.5},{:.5}",
-            r.kind,
-            r.drawn,
-            r.runs,
-            r.mse,
-            r.rel_mse,
-            r.to_random.value,
-            r.to_random.half,
-            r.to_sobol.value,
-            r.to_sobol.half,
-            r.rel_to_random.value,
-            r.rel_to_random.half
-        );
+        for (k, name) in ["mse", "rel_mse", "rel_mse_capped"].into_iter().enumerate() {
+            let [random, sobol, best] = [r.to_random[k], r.to_sobol[k], r.to_best[k]];
+            let _ = writeln!(
+                out,
+                "{},{},{},{name},{:e},{:.5},{:.5},{:.5},{:.5},{:.5},{:.5}",
+                r.kind,
+                r.drawn,
+                r.runs,
+                r.errors[k],
+                random.value,
+                random.half,
+                sobol.value,
+                sobol.half,
+                best.value,
+                best.half
+            );
+        }
     }
     out
 }
@@ -90,14 +93,17 @@ pub(crate) fn run(args: &StudyDesignsArgs, scene: &Path) -> Result<()> {
         reference_runs: args.reference_runs,
         seed: args.seed,
     };
+    let against = match args.reference_runs {
+        0 => "squared error taken as the variance between draws, which are unbiased".to_owned(),
+        runs => format!("against {runs} runs of sobol, whose own error is subtracted"),
+    };
     println!(
-        "{}, frame {}: {} of {width}x{height} pixels, {} draws of each design, against {} runs of sobol (its own error \
-         is subtracted).\nRatios with 95 % intervals over the pixels; the best is the best of those named.\n",
+        "{}, frame {}: {} of {width}x{height} pixels, {} draws of each design, {against}.\nRatios with 95 % intervals \
+         over the pixels; the best is the best of those named; capped: each run's radiance at most 1.\n",
         shot_args.scene.display(),
         args.frame,
         if args.pixels == 0 { all } else { args.pixels.min(all) },
         args.draws,
-        args.reference_runs
     );
     println!("{HEADER}");
     let rows =
