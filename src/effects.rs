@@ -5,8 +5,9 @@
 //! accuracy, not only time.
 
 use crate::factor::Factor;
-use crate::scene::{Instance, LightShape, Scene, Stage};
+use crate::scene::{Instance, LightShape, MaterialId, Scene, Stage};
 use serde::Serialize;
+use std::collections::HashSet;
 use std::fmt;
 
 /// What an exposure calls for, with the counts that say why.
@@ -36,6 +37,8 @@ pub struct EffectsPlan {
     pub surrounding_light: bool,
     /// Visible objects whose material reflects or transmits neither diffusely alone nor as a mirror.
     pub glossy_objects: usize,
+    /// How many materials these have.
+    pub glossy_materials: usize,
     /// Diffuse and rough bounces after the first hit.
     pub bounces: u16,
 }
@@ -52,7 +55,14 @@ impl EffectsPlan {
             LightShape::Point { radius } | LightShape::Spot { radius, .. } => radius > 0.0,
         };
         let sized = stage.lights.iter().filter(|l| has_extent(&l.light.shape)).count();
-        let material = |i: &Instance| &scene.materials[scene.meshes[stage.geometries[i.geometry].mesh].material];
+        let material_of = |i: &Instance| scene.meshes[stage.geometries[i.geometry].mesh].material;
+        let material = |i: &Instance| &scene.materials[material_of(i)];
+        let is_glossy = |i: &Instance| {
+            let m = material(i);
+            let mirror = m.metallic >= 1.0 && m.roughness <= 0.0 && m.metallic_roughness_texture.is_none();
+            !m.unlit && !mirror
+        };
+        let glossy: HashSet<MaterialId> = stage.instances.iter().filter(|i| is_glossy(i)).map(material_of).collect();
         let count = |test: &dyn Fn(&Instance) -> bool| stage.instances.iter().filter(|i| test(i)).count();
         let [open, close] = stage.camera.focus_distance;
         Self {
@@ -71,11 +81,8 @@ impl EffectsPlan {
             sized_lights: sized,
             point_lights: stage.lights.len() - sized,
             surrounding_light,
-            glossy_objects: count(&|i| {
-                let m = material(i);
-                let mirror = m.metallic >= 1.0 && m.roughness <= 0.0 && m.metallic_roughness_texture.is_none();
-                !m.unlit && !mirror
-            }),
+            glossy_objects: count(&is_glossy),
+            glossy_materials: glossy.len(),
             bounces,
         }
     }
@@ -166,7 +173,7 @@ impl EffectsPlan {
         let why = if self.samples_lens() {
             format!("aperture radius {:.4} m", self.aperture_radius)
         } else {
-            "pinhole: neither f-stop nor aperture radius is set".to_owned()
+            "f-stop not set".to_owned()
         };
         format!("lens:    {}; {why}", yes(self.samples_lens()))
     }
@@ -174,21 +181,34 @@ impl EffectsPlan {
     /// Why lights are sampled or not.
     #[must_use]
     pub fn light_line(&self) -> String {
-        format!(
-            "light:   {}; {}, {} with an extent, {} without, {} from all around",
-            yes(self.samples_light()),
-            counted(self.emissive_objects, "emissive object", "emissive objects"),
-            counted(self.sized_lights, "light", "lights"),
-            self.point_lights,
-            if self.surrounding_light { "and light" } else { "no light" }
-        )
+        let areas = self.emissive_objects + self.sized_lights;
+        let mut parts = vec![counted(areas, "area light", "area lights")];
+        if self.emissive_objects > 0 && self.sized_lights > 0 {
+            let lamps = counted(self.sized_lights, "lamp", "lamps");
+            let objects = counted(self.emissive_objects, "emissive object", "emissive objects");
+            parts[0] += &format!(" ({objects} and {lamps} with an extent)");
+        }
+        parts.push(counted(self.point_lights, "point light", "point lights"));
+        if self.point_lights > MOST_LIGHTS_VISITED {
+            parts.push(format!("chosen from, being more than {MOST_LIGHTS_VISITED}"));
+        }
+        if self.surrounding_light {
+            parts.push("light from all around".to_owned());
+        }
+        format!("light:   {}; {}", yes(self.samples_light()), parts.join(", "))
     }
 
     /// Why rough reflection is sampled or not.
     #[must_use]
     pub fn gloss_line(&self) -> String {
-        let rough = counted(self.glossy_objects, "object scatters", "objects scatter");
-        format!("gloss:   {}; {rough}; bounces: {}", yes(self.samples_gloss()), self.bounces)
+        let materials = counted(self.glossy_materials, "material", "materials");
+        let objects = counted(self.glossy_objects, "object", "objects");
+        let why = if self.glossy_objects > 0 && !self.has_extended_light() {
+            ", but nothing that a scattered ray could find at a path's end"
+        } else {
+            ""
+        };
+        format!("gloss:   {}; {materials} on {objects}{why}; bounces: {}", yes(self.samples_gloss()), self.bounces)
     }
 }
 

@@ -6,8 +6,9 @@ mod shots;
 use graeco::design::{Dither, Kind};
 use graeco::render::{Settings, Shot, Surroundings};
 use graeco::study::cost::report::{Price, Report};
-use graeco::study::cost::without::Effect;
+use graeco::study::cost::without::{Effect, Without};
 use graeco::study::cost::{Contender, Effort, Subject, study};
+use graeco::study::savings::savings;
 use graeco::trace::environment::Background;
 use shots::{load, settings};
 
@@ -109,4 +110,37 @@ fn a_forecast_counts_samples_and_measures_blur() {
     assert!(look("animations/pool.glb", &pinhole).0.defocus_px > 0.0);
     pinhole.view.aperture_radius = Some(0.0);
     assert!(look("animations/pool.glb", &pinhole).0.defocus_px <= 0.0);
+}
+
+/// What effects cost is told from trials of the same blocks: errors that repeat exactly, and fall when effects go.
+#[test]
+fn the_price_of_each_effect_is_told_beforehand() {
+    let scene = load("animations/pool.glb");
+    let settings = settings((40, 24), 8, 0);
+    let trial = |effects: &[Effect]| {
+        let rest = Without::new(&scene, &settings, &DARK, effects);
+        let mut shot = Shot::new(&rest.scene, &rest.settings, &rest.surroundings, "").unwrap();
+        shot.trial(12, 6).unwrap()
+    };
+    let whole = trial(&[]);
+    assert_eq!(whole.rel_mse.to_bits(), trial(&[]).rel_mse.to_bits());
+    let nothing = trial(&Effect::ALL);
+    assert!(nothing.rel_mse < 0.7 * whole.rel_mse, "{nothing:?} {whole:?}");
+
+    let dark = DARK;
+    let mut shot = Shot::new(&scene, &settings, &dark, "").unwrap();
+    let (_, forecast) = shot.forecast(12, 0.01).unwrap();
+    let all = savings(&scene, &settings, &DARK, 12, &forecast, 0.01).unwrap();
+    let names: Vec<Vec<&str>> = all.iter().map(|s| s.without.iter().map(|e| e.name()).collect()).collect();
+    assert_eq!(
+        names,
+        [vec!["time"], vec!["lens"], vec!["light"], vec!["gloss"], vec!["time", "lens", "light", "gloss"]]
+    );
+    for saving in &all {
+        let whole = saving.frame_s_at_same_error.unwrap() + saving.saves_s_at_same_error.unwrap();
+        assert!((whole / forecast.seconds() - 1.0).abs() < 1e-9, "{saving:?}");
+    }
+    // A still, matt and pinhole scene under point lights has no effects to price.
+    let still = load("scenes/hard_lights.glb");
+    assert!(savings(&still, &settings, &DARK, 0, &forecast, 0.01).unwrap().is_empty());
 }

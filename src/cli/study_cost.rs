@@ -3,13 +3,10 @@
 use super::shot_args::ShotArgs;
 use graeco::design::{Dither, Kind, Mask};
 use graeco::output::read;
-use graeco::render::{Settings, Surroundings};
-use graeco::scene::Environment;
 use graeco::study::cost::reference::Reference;
 use graeco::study::cost::report::{Price, Report};
-use graeco::study::cost::without::{Effect, add_sun};
+use graeco::study::cost::without::{Effect, Without};
 use graeco::study::cost::{self, Contender, Effort, Measurement, Subject};
-use graeco::trace::environment::Background;
 use graeco::{Error, Result};
 use std::path::PathBuf;
 
@@ -27,10 +24,9 @@ pub(crate) struct StudyCostArgs {
     /// Structures between pixels to combine every design with, separated by commas [default: --dither's; none where that is auto, but for the design auto]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub(crate) dithers: Vec<Dither>,
-    /// Runs a pixel to measure at, separated by commas
-    #[arg(long = "runs", short = 'n', value_name = "LIST", value_delimiter = ',', default_value = "4,16,64,256",
-          value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
-    pub(crate) runs_list: Vec<u32>,
+    /// Runs a pixel to measure at: 4,16,64, or from..to by powers of four
+    #[arg(long = "runs", short = 'n', value_name = "LIST|FROM..TO", default_value = "4..256", value_parser = parse_runs)]
+    pub(crate) runs_list: RunsList,
     /// Independent seeds
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(2..=1024))]
     pub(crate) seeds: u32,
@@ -54,6 +50,33 @@ pub(crate) struct StudyCostArgs {
 /// What `--designs` names.
 #[derive(Debug, Clone)]
 pub(crate) struct Designs(Vec<Kind>);
+
+/// What `--runs` names, ascending.
+#[derive(Debug, Clone)]
+pub(crate) struct RunsList(Vec<u32>);
+
+/// `4,16,64` or `4..1024`.
+fn parse_runs(text: &str) -> std::result::Result<RunsList, String> {
+    const MOST: u32 = 1 << 20;
+    let expected = || format!("expected numbers from 1 to {MOST} such as 4,16,64, or a range such as 4..1024");
+    let number = |t: &str| t.trim().parse::<u32>().ok().filter(|n| (1..=MOST).contains(n)).ok_or_else(expected);
+    if let Some((from, to)) = text.split_once("..") {
+        let (from, to) = (number(from)?, number(to)?);
+        if from > to {
+            return Err(expected());
+        }
+        let mut runs: Vec<u32> =
+            std::iter::successors(Some(from), |n| n.checked_mul(4)).take_while(|&n| n <= to).collect();
+        if runs.last() != Some(&to) {
+            runs.push(to);
+        }
+        return Ok(RunsList(runs));
+    }
+    let mut runs: Vec<u32> = text.split(',').map(number).collect::<std::result::Result<_, _>>()?;
+    runs.sort_unstable();
+    runs.dedup();
+    Ok(RunsList(runs))
+}
 
 fn parse_designs(text: &str) -> std::result::Result<Designs, String> {
     if text == "all" {
@@ -91,7 +114,7 @@ pub(crate) fn run(args: &StudyCostArgs) -> Result<()> {
     println!("Reference: {error}\n");
     println!("{:34} {:>6} {:>5} {:>9} {:>11} {:>11} {:>8}", "", "runs", "seed", "seconds", "RMSE", "relMSE", "FLIP");
     let designs = cost::study(&subject, &effort, &|c| c.name(), reference, &mut row)?;
-    let prices = if args.no_effects { Vec::new() } else { args.prices(&settings, &effort, environment.as_ref())? };
+    let prices = if args.no_effects { Vec::new() } else { args.prices(&subject, &effort)? };
     let file = args.shot.scene.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let report = Report {
         scene: file,
@@ -139,9 +162,7 @@ fn summary(report: &Report) {
 
 impl StudyCostArgs {
     fn effort(&self) -> Effort {
-        let mut runs = self.runs_list.clone();
-        runs.sort_unstable();
-        runs.dedup();
+        let runs = self.runs_list.0.clone();
         let dithers = if self.dithers.is_empty() { vec![self.shot.dither] } else { self.dithers.clone() };
         // What the program chooses by itself between pixels, up to 4 runs, replaces the design: then all would be one.
         let fit = |design: Kind, dither: Dither| match (design, dither.mask) {
@@ -164,71 +185,34 @@ impl StudyCostArgs {
     }
 
     /// The scene whole, without each effect that it has, and without all of them; by the design and dither asked for.
-    fn prices(&self, settings: &Settings, effort: &Effort, environment: Option<&Environment>) -> Result<Vec<Price>> {
-        let there = self.effects_there(settings, environment)?;
-        let mut variants: Vec<Vec<Effect>> = vec![Vec::new()];
-        variants.extend(there.iter().map(|&e| vec![e]));
-        if there.len() > 1 {
-            variants.push(there);
-        }
+    fn prices(&self, subject: &Subject<'_>, effort: &Effort) -> Result<Vec<Price>> {
+        let Subject { scene, settings, surroundings, frame } = *subject;
+        let there = Effect::of_frame(scene, settings, surroundings, frame)?;
         let contenders = vec![Contender { design: self.shot.design, dither: self.shot.dither }];
         let effort = Effort { contenders, ..effort.clone() };
-        variants.into_iter().map(|without| self.price(settings, &effort, environment, without)).collect()
+        variants(&there).into_iter().map(|without| price(subject, &effort, without)).collect()
     }
+}
 
-    /// Effects that the frame samples.
-    fn effects_there(&self, settings: &Settings, environment: Option<&Environment>) -> Result<Vec<Effect>> {
-        let scene = self.shot.load()?;
-        let surroundings = self.shot.surroundings(&scene, environment);
-        let shot = graeco::render::Shot::new(&scene, settings, &surroundings, "")?;
-        let plans = shot.plan(self.frame)?;
-        let any = |test: &dyn Fn(&graeco::effects::EffectsPlan) -> bool| plans.iter().any(|(p, _)| test(p));
-        let shows = |effect: &Effect| match effect {
-            Effect::Time => any(&|p| p.samples_time()),
-            Effect::Lens => any(&|p| p.samples_lens()),
-            Effect::Light => any(&|p| p.has_extended_light()),
-            Effect::Gloss => any(&|p| p.samples_gloss()),
-        };
-        Ok(Effect::ALL.into_iter().filter(shows).collect())
+/// Nothing left out, each effect alone, and all together.
+fn variants(there: &[Effect]) -> Vec<Vec<Effect>> {
+    let mut variants: Vec<Vec<Effect>> = vec![Vec::new()];
+    variants.extend(there.iter().map(|&e| vec![e]));
+    if there.len() > 1 {
+        variants.push(there.to_vec());
     }
+    variants
+}
 
-    fn price(
-        &self,
-        settings: &Settings,
-        effort: &Effort,
-        environment: Option<&Environment>,
-        without: Vec<Effect>,
-    ) -> Result<Price> {
-        let (mut scene, mut settings) = (self.shot.load()?, settings.clone());
-        let light = match self.shot.surroundings(&scene, environment).background {
-            Background::Black => None,
-            Background::Constant(c) => Some(c),
-            Background::Gradient { horizon, .. } => Some(horizon),
-            // A sun as bright as a white sky: of a picture only the order of magnitude matters here.
-            Background::Picture(picture) => Some(glam::Vec3::splat(picture.strength)),
-        };
-        for effect in &without {
-            effect.leave_out(&mut scene, &mut settings);
-        }
-        let dark = without.contains(&Effect::Light);
-        if let Some(radiance) = light.filter(|_| dark) {
-            add_sun(&mut scene, radiance * std::f32::consts::PI);
-        }
-        let surroundings = if dark {
-            Surroundings { background: Background::Black, name: String::new() }
-        } else {
-            self.shot.surroundings(&scene, environment)
-        };
-        let subject = Subject { scene: &scene, settings: &settings, surroundings: &surroundings, frame: self.frame };
-        let reference = subject.reference(effort.reference_runs)?;
-        let price = |study| Price { without: without.clone(), study };
-        let name = Price::name_of(&without);
-        if reference.rgb.iter().flatten().all(|v| *v <= 0.0) {
-            return Err(Error::invalid(
-                format!("the scene {name}"),
-                "is black: nothing can be measured (--no-effects)",
-            ));
-        }
-        Ok(price(cost::study(&subject, effort, &|_| name.clone(), reference, &mut row)?))
+fn price(subject: &Subject<'_>, effort: &Effort, without: Vec<Effect>) -> Result<Price> {
+    let rest = Without::new(subject.scene, subject.settings, subject.surroundings, &without);
+    let subject =
+        Subject { scene: &rest.scene, settings: &rest.settings, surroundings: &rest.surroundings, ..*subject };
+    let reference = subject.reference(effort.reference_runs)?;
+    let name = Price::name_of(&without);
+    if reference.rgb.iter().flatten().all(|v| *v <= 0.0) {
+        return Err(Error::invalid(format!("the scene {name}"), "is black: nothing can be measured (--no-effects)"));
     }
+    let study = cost::study(&subject, effort, &|_| name.clone(), reference, &mut row)?;
+    Ok(Price { without, study })
 }

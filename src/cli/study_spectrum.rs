@@ -1,11 +1,13 @@
-//! `graeco study spectrum`: the (t, y) spectrum of interlaced fields.
+//! `graeco study spectrum`: the spectra of every sampling pattern, and the (t, y) spectrum of interlaced fields.
 
+use super::study_patterns::{self, PatternArgs};
 use graeco::study::canvas::Canvas;
 use graeco::study::interlace::{Grating, SIDE, power_at, spectrum};
 use graeco::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Show the (time, height) spectrum of a moving grating in interlaced fields, with the sideband of survey figure 20
+/// Show power spectra and radial averages of every sampling pattern in (x, y), (x, t) and (t, y), as survey figures 10 to
+/// 12 do, and the (t, y) spectrum of a moving grating in interlaced fields, with the sideband of figure 20
 #[derive(Debug, clap::Args)]
 pub(crate) struct StudySpectrumArgs {
     /// Cycles a line of the grating, up to 0.5
@@ -23,9 +25,12 @@ pub(crate) struct StudySpectrumArgs {
     /// Runs a pixel
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=4096))]
     runs: u32,
-    /// Picture to write: one square a line height, time across, height up
-    #[arg(short, long, value_name = "FILE.png")]
+    /// Folder for a page with all spectra; or, ending in .png, a picture of the grating's alone: one square a line height,
+    /// time across, height up. Without it the grating's power is printed
+    #[arg(short, long, value_name = "FOLDER|FILE.png")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    patterns: PatternArgs,
 }
 
 /// Prints the power in baseband and sideband, draws the spectra.
@@ -55,7 +60,23 @@ pub(crate) fn run(args: &StudySpectrumArgs) -> Result<()> {
         canvas.frame(at, side);
     }
     match &args.output {
-        Some(path) => canvas.save(path),
+        Some(path) if is_picture(path) => canvas.save(path),
+        Some(folder) => {
+            study_patterns::page(&args.patterns, args.runs, folder, GRATING)?;
+            canvas.save(&folder.join("interlaced.png"))?;
+            println!("The page is {}", folder.join("index.html").display());
+            Ok(())
+        }
         None => Ok(()),
     }
+}
+
+/// What stands below the patterns on their page.
+const GRATING: &str = "<h2>A moving grating in interlaced fields</h2><p>Its (time, height) spectrum, a square a line \
+    height: time across from -1/2 to 1/2 cycle a field, height up from -1/2 to 1/2 cycle a line. Interlacing repeats the \
+    grating half a cycle away in both; lines two high weaken that sideband (figures 20 and 21).</p>\
+    <img src=interlaced.png style=\"width:auto\" alt=\"spectra of interlaced fields\">";
+
+fn is_picture(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"))
 }

@@ -116,7 +116,7 @@ fn scaled(seconds: f64, costs: &[f64], tried: u64, samples: u64, pixels: u64) ->
 
 /// The blocks of a window in an order whose every beginning is spread over it: along a Z-order curve by steps of the
 /// golden section (an additive recurrence, so gaps stay even).
-fn spread_blocks(window: Window) -> Vec<Window> {
+pub(super) fn spread_blocks(window: Window) -> Vec<Window> {
     let side = |length: u32| length.div_ceil(BLOCK);
     let (columns, rows) = (side(window.width), side(window.height));
     let mut cells: Vec<(u64, u32, u32)> =

@@ -16,6 +16,7 @@ pub mod parts;
 pub mod progress;
 pub mod settings;
 pub mod shot;
+pub mod trial;
 
 pub use adaptive::{Adaptive, Goal};
 pub use extent::BlurExtent;

@@ -67,7 +67,7 @@ pub struct ExtensionUse {
 /// Right-handed, y up, metres, seconds; cameras look down their −z axis. Invariants that the loader establishes and
 /// every later stage relies on: all indices are in range, the node graph is a forest, key times ascend, and every
 /// number is finite.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Scene {
     /// The file it came from, for messages.
     pub path: PathBuf,

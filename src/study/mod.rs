@@ -16,5 +16,6 @@ pub mod motion;
 pub mod patterns;
 pub mod plots;
 pub mod poster;
+pub mod savings;
 pub mod sheet;
 pub mod texture;

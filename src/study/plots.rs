@@ -78,3 +78,59 @@ fn draw(rows: &[Row], svg: &mut String) -> std::result::Result<(), Box<dyn std::
     root.present()?;
     Ok(())
 }
+
+/// Radial averages of power spectra: power over frequency for each design.
+///
+/// # Errors
+/// If the plot cannot be drawn.
+pub fn radial(title: &str, curves: &[(Kind, Vec<f64>)]) -> Result<String> {
+    let mut svg = String::new();
+    draw_radial(title, curves, &mut svg)
+        .map_err(|e| Error::Invalid { what: "radial averages".into(), problem: format!("cannot be drawn: {e}") })?;
+    Ok(svg)
+}
+
+fn draw_radial(
+    title: &str,
+    curves: &[(Kind, Vec<f64>)],
+    svg: &mut String,
+) -> std::result::Result<(), Box<dyn std::error::Error>> {
+    /// Independent points have 1; nets peak beyond, and what is beyond this is cut.
+    const HIGHEST_POWER: f64 = 2.5;
+    let longest = curves.iter().map(|c| c.1.len()).max().unwrap_or(1);
+    let root = SVGBackend::with_string(svg, (760, 420)).into_drawing_area();
+    root.fill(&WHITE)?;
+    #[allow(clippy::cast_precision_loss, reason = "a frequency")]
+    let right = longest as f64;
+    let mut chart = ChartBuilder::on(&root)
+        .caption(title, ("sans-serif", 16))
+        .margin(10)
+        .x_label_area_size(40)
+        .y_label_area_size(50)
+        .build_cartesian_2d(0.0..right * 1.45, 0.0..HIGHEST_POWER)?;
+    chart
+        .configure_mesh()
+        .x_desc("cycles a window")
+        .y_desc("mean power (independent points: 1)")
+        .x_label_formatter(&|x| if *x <= right { format!("{x:.0}") } else { String::new() })
+        .light_line_style(RGBColor(244, 244, 244))
+        .bold_line_style(RGBColor(226, 226, 226))
+        .draw()?;
+    for (kind, powers) in curves {
+        let colour = colour(*kind);
+        let points = (1_u32..).zip(powers).map(|(f, p)| (f64::from(f), p.min(HIGHEST_POWER)));
+        chart
+            .draw_series(LineSeries::new(points, colour.stroke_width(2)))?
+            .label(kind.name())
+            .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], colour.stroke_width(2)));
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperRight)
+        .background_style(WHITE.mix(0.9))
+        .border_style(RGBColor(200, 200, 200))
+        .label_font(("sans-serif", 12))
+        .draw()?;
+    root.present()?;
+    Ok(())
+}

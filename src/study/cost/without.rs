@@ -1,8 +1,11 @@
 //! The same scene with effects switched off: what is left tells what they cost.
 
-use crate::render::Settings;
+use crate::Result;
+use crate::effects::EffectsPlan;
+use crate::render::{Settings, Shot, Surroundings};
 use crate::scene::{Light, MeshId};
 use crate::scene::{LightShape, LocalTransform, Material, Node, NodeId, Scene, Specular};
+use crate::trace::environment::Background;
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
 /// An effect that can be left out.
@@ -37,6 +40,29 @@ impl Effect {
         }
     }
 
+    /// Those that frame `frame` samples.
+    ///
+    /// # Errors
+    /// If the settings do not fit the scene.
+    pub fn of_frame(
+        scene: &Scene,
+        settings: &Settings,
+        surroundings: &Surroundings<'_>,
+        frame: i64,
+    ) -> Result<Vec<Self>> {
+        let plans = Shot::new(scene, settings, surroundings, "")?.plan(frame)?;
+        Ok(Self::ALL.into_iter().filter(|effect| plans.iter().any(|(plan, _)| effect.shows(plan))).collect())
+    }
+
+    fn shows(self, plan: &EffectsPlan) -> bool {
+        match self {
+            Self::Time => plan.samples_time(),
+            Self::Lens => plan.samples_lens(),
+            Self::Light => plan.has_extended_light(),
+            Self::Gloss => plan.samples_gloss(),
+        }
+    }
+
     /// Switches it off.
     pub fn leave_out(self, scene: &mut Scene, settings: &mut Settings) {
         match self {
@@ -45,6 +71,42 @@ impl Effect {
             Self::Light => shrink_lights(scene),
             Self::Gloss => scene.materials.iter_mut().for_each(matte),
         }
+    }
+}
+
+/// A frame without some of its effects.
+#[derive(Debug, Clone)]
+pub struct Without<'a> {
+    /// What is left of the scene.
+    pub scene: Scene,
+    /// What is left of the settings.
+    pub settings: Settings,
+    /// Light from all around: none where light has no extent; a sun replaces it.
+    pub surroundings: Surroundings<'a>,
+}
+
+impl<'a> Without<'a> {
+    /// The frame without `effects`.
+    #[must_use]
+    pub fn new(scene: &Scene, settings: &Settings, surroundings: &Surroundings<'a>, effects: &[Effect]) -> Self {
+        let (mut scene, mut settings, mut surroundings) = (scene.clone(), settings.clone(), surroundings.clone());
+        for effect in effects {
+            effect.leave_out(&mut scene, &mut settings);
+        }
+        if effects.contains(&Effect::Light) {
+            let radiance = match surroundings.background {
+                Background::Black => None,
+                Background::Constant(c) => Some(c),
+                Background::Gradient { horizon, .. } => Some(horizon),
+                // A sun as bright as a white sky: of a picture only the order of magnitude matters here.
+                Background::Picture(picture) => Some(Vec3::splat(picture.strength)),
+            };
+            if let Some(radiance) = radiance {
+                add_sun(&mut scene, radiance * std::f32::consts::PI);
+            }
+            surroundings = Surroundings { background: Background::Black, name: String::new() };
+        }
+        Self { scene, settings, surroundings }
     }
 }
 

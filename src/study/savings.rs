@@ -1,0 +1,75 @@
+//! What each effect of a frame will cost, before the frame is rendered: the same few blocks of the picture with the effect
+//! and without it, their seconds and their errors.
+
+use super::cost::without::{Effect, Without};
+use crate::Result;
+use crate::render::{Forecast, Settings, Shot, Surroundings};
+use crate::scene::Scene;
+use serde::Serialize;
+
+/// What the frame would take without some effects.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Saving {
+    /// Effects left out.
+    pub without: Vec<Effect>,
+    /// Seconds that the frame takes without them, at the same runs.
+    pub frame_s: f64,
+    /// Seconds that are saved: what the effects cost at the same runs.
+    pub saves_s: f64,
+    /// Seconds that the frame takes without them to the relMSE that it has with them, where errors fall as 1 / samples;
+    /// none where there is no error to compare.
+    pub frame_s_at_same_error: Option<f64>,
+    /// Seconds that are saved then.
+    pub saves_s_at_same_error: Option<f64>,
+}
+
+/// Blocks at least and at most.
+const BLOCKS: (f64, f64) = (12.0, 96.0);
+
+/// Each effect that the frame samples left out alone, then all of them together. `frame_s` is what the frame is expected
+/// to take; trying takes about `budget_s` seconds, and building the scene once for each.
+///
+/// # Errors
+/// If the settings do not fit the scene.
+pub fn savings(
+    scene: &Scene,
+    settings: &Settings,
+    surroundings: &Surroundings<'_>,
+    frame: i64,
+    forecast: &Forecast,
+    budget_s: f64,
+) -> Result<Vec<Saving>> {
+    let there = Effect::of_frame(scene, settings, surroundings, frame)?;
+    if there.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut variants: Vec<Vec<Effect>> = there.iter().map(|&e| vec![e]).collect();
+    if there.len() > 1 {
+        variants.push(there);
+    }
+    #[allow(clippy::cast_precision_loss, reason = "a few variants; samples far below 2^52")]
+    let (tries, block_s) = (
+        (variants.len() + 1) as f64,
+        forecast.render_s / forecast.samples.max(1) as f64 * f64::from(64 * settings.sampling.runs.min(64)),
+    );
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 12 to 96")]
+    let blocks = (budget_s / tries / (2.0 * block_s).max(1e-9)).clamp(BLOCKS.0, BLOCKS.1) as usize;
+    let whole = Shot::new(scene, settings, surroundings, "")?.trial(frame, blocks)?;
+    let one = |left_out: Vec<Effect>| {
+        let rest = Without::new(scene, settings, surroundings, &left_out);
+        let trial = Shot::new(&rest.scene, &rest.settings, &rest.surroundings, "")?.trial(frame, blocks)?;
+        // Blocks are few, but the same: their ratio is better known than either.
+        let scaled = |seconds: f64| seconds * forecast.render_s / whole.render_s.max(1e-12);
+        let frame_s = forecast.build_s + scaled(trial.render_s);
+        let at_same_error =
+            (whole.rel_mse > 0.0).then(|| forecast.build_s + scaled(trial.render_s) * trial.rel_mse / whole.rel_mse);
+        Ok(Saving {
+            without: left_out,
+            frame_s,
+            saves_s: forecast.seconds() - frame_s,
+            frame_s_at_same_error: at_same_error,
+            saves_s_at_same_error: at_same_error.map(|s| forecast.seconds() - s),
+        })
+    };
+    variants.into_iter().map(one).collect()
+}
