@@ -64,6 +64,17 @@ impl Factor {
     }
 }
 
+/// What a build of the program can sample at all: everything, but for benches/presence, which weighs what the mere
+/// presence of an effect's code costs and compiles it out.
+pub(crate) mod compiled {
+    /// Time: things move within an exposure.
+    pub(crate) const TIME: bool = !cfg!(feature = "without-motion");
+    /// A lens with an aperture.
+    pub(crate) const LENS: bool = !cfg!(feature = "without-lens");
+    /// Lights that must be sampled: those with an extent, and many without.
+    pub(crate) const LIGHT: bool = !cfg!(feature = "without-area-lights");
+}
+
 impl std::fmt::Display for Factor {
     /// `film x`, `shutter`, `light 0 u`, …: vertices are counted from the camera.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

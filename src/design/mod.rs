@@ -35,4 +35,6 @@ pub use crate::factor::Factor;
 pub use address::PixelAddress;
 pub use choose::{Choice, choose};
 pub use kind::{Dither, Kind, Mask, Over, UnknownName};
+#[cfg(test)]
+pub(crate) use point::drawn;
 pub use point::{Design, DesignOptions, PixelDesign, Point};

@@ -264,6 +264,8 @@ impl Point<'_> {
     #[must_use]
     #[inline]
     pub fn get(&self, factor: Factor) -> f32 {
+        #[cfg(test)]
+        drawn::note(factor);
         let design = self.pixel.design;
         let column = design.columns.get(usize::from(factor.index())).copied().unwrap_or(PAD);
         let masked = design.choice.dither.mask != Mask::None && self.is_masked(factor, column);
@@ -373,5 +375,23 @@ impl Point<'_> {
         #[allow(clippy::cast_possible_truncation, reason = "below the number of runs")]
         let stratum = stratum as u32;
         design.strata.point(stratum, position)
+    }
+}
+
+/// Which factors this thread drew: tests see to it that what needs no number draws none.
+#[cfg(test)]
+pub(crate) mod drawn {
+    use crate::factor::Factor;
+    use std::cell::RefCell;
+
+    thread_local!(static FACTORS: RefCell<Vec<Factor>> = const { RefCell::new(Vec::new()) });
+
+    pub(super) fn note(factor: Factor) {
+        FACTORS.with_borrow_mut(|factors| factors.push(factor));
+    }
+
+    /// Those since this was last asked, in order.
+    pub(crate) fn take() -> Vec<Factor> {
+        FACTORS.take()
     }
 }

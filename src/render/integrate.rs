@@ -2,6 +2,7 @@
 
 use super::Progress;
 use crate::design::{Design, Factor, PixelAddress};
+use crate::factor::compiled;
 use crate::film::blocks::{Blocks, pixels};
 use crate::film::{Film, Filter, Footprint, Lines, PixelAccumulator, PixelEstimate, Window};
 use crate::trace::ImageFunction;
@@ -85,7 +86,7 @@ pub(super) fn sum_tile(
     mut each: impl FnMut(&PixelAccumulator),
 ) -> u64 {
     let mut accumulator = PixelAccumulator::new(runs.start);
-    let shutter = design.factors().contains(&Factor::SHUTTER);
+    let shutter = compiled::TIME && design.factors().contains(&Factor::SHUTTER);
     let mut taken = 0;
     for (x, y) in pixels(tile, pass.lines) {
         let (x, y) = (x as i32, y as i32);

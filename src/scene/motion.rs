@@ -1,5 +1,6 @@
 //! A rigid or affine motion over one exposure, as linear segments.
 
+use crate::factor::compiled;
 use glam::Affine3A;
 
 /// A piecewise linear path of affine transforms over `u_time` in [0, 1].
@@ -35,7 +36,7 @@ impl Motion {
     #[must_use]
     #[inline]
     pub fn is_still(&self) -> bool {
-        self.keys.len() == 1
+        !compiled::TIME || self.keys.len() == 1
     }
 
     /// Key times in [0, 1], ascending.
@@ -54,7 +55,7 @@ impl Motion {
     #[must_use]
     #[inline(always)]
     pub fn at(&self, u_time: f32) -> Affine3A {
-        if self.keys.len() == 1 {
+        if !compiled::TIME || self.keys.len() == 1 {
             return self.keys[0];
         }
         let (segment, f) = segment_at(&self.times, u_time);
@@ -83,6 +84,25 @@ pub fn segment_at(times: &[f32], u_time: f32) -> (usize, f32) {
 #[must_use]
 #[inline(always)]
 pub fn lerp(a: &Affine3A, b: &Affine3A, f: f32) -> Affine3A {
+    #[cfg(test)]
+    lerped::count();
     let g = 1.0 - f;
     Affine3A { matrix3: a.matrix3 * g + b.matrix3 * f, translation: a.translation * g + b.translation * f }
+}
+
+/// How often this thread interpolated: tests see to it that what stands still is not.
+#[cfg(test)]
+pub(crate) mod lerped {
+    use std::cell::Cell;
+
+    thread_local!(static TIMES: Cell<u64> = const { Cell::new(0) });
+
+    pub(super) fn count() {
+        TIMES.with(|times| times.set(times.get() + 1));
+    }
+
+    /// How often since this was last asked.
+    pub(crate) fn take() -> u64 {
+        TIMES.with(|times| times.replace(0))
+    }
 }

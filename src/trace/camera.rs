@@ -2,6 +2,7 @@
 
 use super::{Backs, FilmPoint, Ray};
 use crate::design::{Factor, Point};
+use crate::factor::compiled;
 use crate::scene::{Projection, StageCamera};
 use glam::{DVec2, Vec3A};
 
@@ -76,7 +77,7 @@ impl CameraRays {
     #[must_use]
     #[inline]
     pub fn ray(&self, film: FilmPoint, point: &Point<'_>) -> CameraRay {
-        let lens = if self.camera.aperture_radius > 0.0 {
+        let lens = if compiled::LENS && self.camera.aperture_radius > 0.0 {
             let (x, y) = disk_from_square(point.get(Factor::LENS_U), point.get(Factor::LENS_V));
             Some(Vec3A::new(x, y, 0.0) * self.camera.aperture_radius)
         } else {
@@ -100,7 +101,7 @@ impl CameraRays {
             Projection::Perspective { .. } => (Vec3A::ZERO, Vec3A::new(x, y, -1.0)),
             Projection::Orthographic { .. } => (Vec3A::new(x, y, 0.0), Vec3A::NEG_Z),
         };
-        if let Some(lens) = lens {
+        if let Some(lens) = lens.filter(|_| compiled::LENS) {
             let [open, close] = self.camera.focus_distance;
             // A blend of two infinities is none.
             let focus = if open.to_bits() == close.to_bits() { open } else { open + (close - open) * film.u_time };

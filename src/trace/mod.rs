@@ -8,6 +8,8 @@ pub mod analytic;
 pub mod aov;
 pub mod bsdf;
 pub mod camera;
+#[cfg(test)]
+mod economy;
 pub mod environment;
 pub mod lights;
 pub mod path;

@@ -2,6 +2,7 @@
 
 use super::block::moved;
 use super::{Accel, Route};
+use crate::factor::compiled;
 use crate::scene::motion::segment_at;
 use crate::scene::{Geometry, Instance, Mesh, Scene, Stage};
 use crate::trace::surface::{Corners, SurfacePoint, Vertex};
@@ -57,6 +58,7 @@ impl Accel {
             indices.map(|i| Vec3A::from(positions[i]))
         };
         let motion = &instance.motion;
+        let deforms = compiled::TIME && geometry.keys.len() > 1;
         let between = |times: &[f32], corners: &dyn Fn(usize) -> [Vec3A; 3]| {
             let (segment, f) = segment_at(times, u_time);
             let (a, b) = (corners(segment), corners(segment + 1));
@@ -67,14 +69,14 @@ impl Accel {
             let place = |key: usize, shape: usize| at_key(shape).map(|p| m[key].transform_point3a(p));
             let corners = if !motion.is_still() {
                 between(motion.times(), &|key| place(key, 0))
-            } else if geometry.keys.len() > 1 {
+            } else if deforms {
                 between(&geometry.times, &|key| place(0, key))
             } else {
                 place(0, 0)
             };
             return Placed { corners, transform: None };
         }
-        let corners = if geometry.keys.len() > 1 { between(&geometry.times, &at_key) } else { at_key(0) };
+        let corners = if deforms { between(&geometry.times, &at_key) } else { at_key(0) };
         Placed { corners, transform: (route == Route::Posed).then(|| motion.at(u_time)) }
     }
 }
@@ -88,6 +90,7 @@ fn vertex(mesh: &Mesh, geometry: &Geometry, i: usize, u_time: f32) -> Vertex {
     match geometry.keys.as_slice() {
         [] => of(&mesh.normals, &mesh.tangents),
         [key] => of(&key.normals, &key.tangents),
+        [key, ..] if !compiled::TIME => of(&key.normals, &key.tangents),
         keys => {
             let (segment, f) = segment_at(&geometry.times, u_time);
             let (a, b) = (&keys[segment], &keys[segment + 1]);

@@ -11,6 +11,7 @@ use super::topology::{self, Reference};
 use super::tree::{Nodes, StillTree};
 use super::walk::{Query, Visit, WORLD, walk};
 use super::world::World;
+use crate::factor::compiled;
 use crate::scene::Motion;
 use crate::scene::motion::segment_at;
 use crate::trace::Ray;
@@ -205,6 +206,7 @@ impl Place {
             Pose::Still { inverse, .. } => {
                 Some((inverse.transform_point3a(ray.origin), inverse.transform_vector3a(ray.direction)))
             }
+            Pose::Moving(_) if !compiled::TIME => None,
             Pose::Moving(motion) => {
                 let (origin, direction) = solved(&motion.at(ray.u_time), ray.origin, ray.direction);
                 (origin.is_finite() && direction.is_finite()).then_some((origin, direction))
@@ -265,6 +267,7 @@ impl<I: Isa, const ANY: bool> Visit for Places<'_, I, ANY> {
                 let frame = RayFrame::new(origin, direction, &tree.nodes.bounds);
                 I::walk_still::<ANY>(tree, tree.nodes.root, &frame, item, query, stack)
             }
+            Form::Moving(_) if !compiled::TIME => false,
             Form::Moving(deforming) => {
                 let (segment, f) = segment_at(&deforming.times, self.ray.u_time);
                 let tree = &deforming.segments[segment];
@@ -301,6 +304,7 @@ pub(super) fn search<I: Isa, const ANY: bool>(
             let places = Places::<I, ANY>::new(all, &top.items, ray);
             walk::<I, _, _, ANY>(&top.nodes, top.nodes.root, &frame, 0.0, &places, query, stack)
         }
+        Top::Moving(_) if !compiled::TIME => false,
         Top::Moving(slabs) => {
             let (top, f) = slab_at(slabs, ray.u_time);
             let frame = RayFrame::new(ray.origin, ray.direction, &top.nodes.bounds);

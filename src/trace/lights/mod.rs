@@ -18,6 +18,7 @@ use super::surface::SurfacePoint;
 use super::texture::Footprint;
 use super::warp::{Side, split};
 use crate::effects::MOST_LIGHTS_VISITED;
+use crate::factor::compiled;
 use crate::numeric::{gamma, mix64, unit_from_bits};
 use crate::scene::{Scene, Stage};
 use emitters::{Emitters, Shape, attributes_at};
@@ -164,7 +165,11 @@ impl<'a> Lights<'a> {
     /// Whether [`Lights::sample`] has anything to choose from; otherwise its coordinates need not be drawn.
     #[must_use]
     pub fn needs_sampling(&self) -> bool {
-        !self.environment.is_black() || !self.suns.is_empty() || !self.emitters.list.is_empty() || !self.near.is_empty()
+        compiled::LIGHT
+            && (!self.environment.is_black()
+                || !self.suns.is_empty()
+                || !self.emitters.list.is_empty()
+                || !self.near.is_empty())
     }
 
     /// How many lights are visited each at every vertex: see [`Lights::visit`].
@@ -292,6 +297,9 @@ impl<'a> Lights<'a> {
     /// What a ray from `q.position` along `wi` sees beside surfaces before `t_max` (infinite for one that escapes):
     /// each light's radiance, with the density by solid angle with which [`Lights::sample`] would have found it.
     pub fn seen(&self, q: &LightQuery, wi: Vec3A, t_max: f32, mut each: impl FnMut(Vec3, f32)) {
+        if !compiled::LIGHT {
+            return;
+        }
         let escaped = t_max == f32::INFINITY;
         let seen = |i: usize| punctual::seen(&self.stage.lights[i], q.position, wi, q.u_time);
         let r = q.receiver();
@@ -339,6 +347,9 @@ impl<'a> Lights<'a> {
     #[must_use]
     pub fn spheres(&self, from: Vec3A, wi: Vec3A, t_max: f32, u_time: f32) -> Vec3 {
         let mut sum = Vec3::ZERO;
+        if !compiled::LIGHT {
+            return sum;
+        }
         self.spheres.near(from, wi, t_max, u_time, |i, _| {
             if let Some((distance, radiance, _)) = punctual::seen(&self.stage.lights[i], from, wi, u_time)
                 && distance < t_max
