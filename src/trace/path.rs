@@ -19,7 +19,7 @@ use super::texture::Footprint;
 use super::{Backs, FilmPoint, Hit, ImageFunction, Ray};
 use crate::design::Point;
 use crate::factor::Factor;
-use crate::numeric;
+use crate::numeric::{self, ONE_MINUS};
 use crate::scene::{Scene, Stage};
 use glam::{Vec2, Vec3};
 
@@ -37,6 +37,16 @@ const REGULARISED: f32 = 0.25;
 /// The width of an earlier lobe, as wide as roughness ¼, from which on what mirrors and glass show of lamps makes
 /// caustics: in a narrower one lamps are still seen, as highlights that belong to the picture.
 const BLURS: f32 = 1.0 / 16.0;
+/// Light samples at a path's first rough vertex. A second costs a shadow ray, a quarter of a path without bounces, and
+/// lowers the variance to .6 where light is most of it: relMSE at 16 runs, 240 x 135, without bounces, of blur_row from
+/// .0018 to .0010, mirror .0044 to .0026, pool .0036 to .0022, newton .0129 to .0119.
+const FIRST_LIGHTS: u8 = 2;
+/// The golden ratio's fraction.
+const GOLDEN: f32 = 0.618_034;
+/// How many times as often as among all lobes a path's last vertex draws narrow ones, at full throughput. Fewer rays than
+/// one a vertex are traced where less than an eighth of the light is reflected so. relMSE at 16 runs, 240 x 135, without
+/// bounces, when all lobes were drawn there and now: blur_row .0027 and .0018, pool .0057 and .0036.
+const EAGERNESS: f32 = 8.0;
 /// Tells shadow rays' draws from those of the path.
 const SHADOW_SALT: u32 = 1 << 31;
 
@@ -98,8 +108,8 @@ struct Path {
     radiance: Vec3,
     cone_width: f32,
     cone_spread: f32,
-    /// Where the ray was scattered by a rough lobe, with the density of its direction by solid angle: what it meets
-    /// was sampled for there too. `None` from the camera, a mirror, a refraction.
+    /// Where the ray was scattered by a rough lobe, with the density that its direction is weighed by: what it meets was
+    /// sampled for there too. `None` from the camera, a mirror, a refraction.
     scattered: Option<(LightQuery, f32)>,
     medium: Option<Medium>,
     /// Wavelength, nanometres, once the path has met a medium that disperses.
@@ -139,28 +149,27 @@ impl<'a> PathTracer<'a> {
         unit_from_upper_bits(bits) < alpha
     }
 
-    /// Light that arrives directly at a vertex and is scattered towards the viewer. `competes`: the scattered ray may
-    /// find the same light.
-    fn direct(
-        &self,
-        path: &Path,
-        surface: &SurfacePoint,
-        shading: &Shading,
-        point: &Point<'_>,
-        competes: bool,
-    ) -> Vec3 {
+    /// Light that arrives directly at a vertex and is scattered towards the viewer, weighed against what `finds`.
+    fn direct(&self, path: &Path, surface: &SurfacePoint, shading: &Shading, point: &Point<'_>, finds: Finds) -> Vec3 {
         let lights = self.parts.lights;
         let query = LightQuery::new(surface, &shading.bsdf, path.ray.u_time);
         let mut sum = Vec3::ZERO;
         for i in 0..lights.visited() {
             if let Some(light) = lights.visit(i, &query) {
-                sum += self.lit(path, surface, shading, point, &light, false);
+                sum += self.lit(path, surface, shading, point, &light, Finds::Nothing);
             }
         }
         if lights.needs_sampling() {
             let u = Vec2::new(point.get(Factor::light_u(path.vertex)), point.get(Factor::light_v(path.vertex)));
-            if let Some(light) = lights.sample(&query, u) {
-                sum += self.lit(path, surface, shading, point, &light, competes);
+            let count = if path.vertex == 0 { FIRST_LIGHTS } else { 1 };
+            let part = 1.0 / f32::from(count);
+            for i in 0..count {
+                // Strata of the first coordinate, and turns of the second by the golden ratio, keep runs stratified.
+                let x = ((u.x + f32::from(i)) * part).min(ONE_MINUS);
+                let u = Vec2::new(x, (u.y + f32::from(i) * GOLDEN).fract());
+                if let Some(light) = lights.sample(&query, u) {
+                    sum += self.lit(path, surface, shading, point, &light, finds) * part;
+                }
             }
         }
         sum
@@ -174,14 +183,23 @@ impl<'a> PathTracer<'a> {
         shading: &Shading,
         point: &Point<'_>,
         light: &LightSample,
-        competes: bool,
+        finds: Finds,
     ) -> Vec3 {
-        let (value, pdf) = shading.bsdf.eval(light.wi);
-        if value == Vec3::ZERO || light.pdf_solid_angle <= 0.0 {
+        let e = shading.bsdf.evaluate(light.wi);
+        if light.pdf_solid_angle <= 0.0 {
             return Vec3::ZERO;
         }
-        let mis_weight = if competes && !light.is_delta { power_heuristic(light.pdf_solid_angle, pdf) } else { 1.0 };
-        let contribution = value * light.radiance * (mis_weight / light.pdf_solid_angle);
+        let value = match finds {
+            Finds::Everything if !light.is_delta => e.value() * power_heuristic(light.pdf_solid_angle, e.pdf()),
+            Finds::Narrow { times } if !light.is_delta => {
+                e.wide + e.narrow * power_heuristic(light.pdf_solid_angle, times * e.narrow_pdf)
+            }
+            _ => e.value(),
+        };
+        if value == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let contribution = value * light.radiance / light.pdf_solid_angle;
         if contribution.max_element() <= 0.0 {
             return Vec3::ZERO;
         }
@@ -202,6 +220,20 @@ impl<'a> PathTracer<'a> {
             contribution
         }
     }
+}
+
+/// What light a vertex's scattered ray may find besides sampled light.
+#[derive(Debug, Clone, Copy)]
+enum Finds {
+    /// None.
+    Nothing,
+    /// Any that a lobe scatters.
+    Everything,
+    /// That which narrow lobes scatter; these are drawn so many times as often as among all.
+    Narrow {
+        /// How many times as often.
+        times: f32,
+    },
 }
 
 /// What a vertex does with the path.
@@ -304,15 +336,21 @@ impl PathTracer<'_> {
     fn scatter(&self, path: &mut Path, surface: &SurfacePoint, shading: &Shading, point: &Point<'_>) -> Next {
         let rough = !shading.bsdf.is_specular_only();
         let last = path.bounces >= self.lengths.bounces;
-        // A surface with wide lobes at the path's end is lit by sampled light alone: a scattered ray would find the
-        // same light no better.
-        let finds_light = self.parts.lights.needs_sampling();
-        let competes = finds_light && !(last && shading.bsdf.is_wide());
+        let narrow = if rough && last {
+            // Wide lobes are lit by sampled light alone at the path's end: a scattered ray would find the same light no
+            // better. So only narrow ones are drawn, the more often the more they may show.
+            shading.bsdf.narrow_lobes(EAGERNESS * path.throughput.max_element())
+        } else {
+            None
+        };
         if rough {
-            path.radiance += path.throughput * self.direct(path, surface, shading, point, competes);
-        }
-        if rough && last && shading.bsdf.is_wide() {
-            return Next::End;
+            let finds = match &narrow {
+                _ if !self.parts.lights.needs_sampling() => Finds::Nothing,
+                Some((_, times, _)) => Finds::Narrow { times: *times },
+                None if last => Finds::Nothing,
+                None => Finds::Everything,
+            };
+            path.radiance += path.throughput * self.direct(path, surface, shading, point, finds);
         }
         let u = if rough {
             Vec2::new(point.get(Factor::lobe_u(path.vertex)), point.get(Factor::lobe_v(path.vertex)))
@@ -320,7 +358,13 @@ impl PathTracer<'_> {
             Vec2::splat(0.5)
         };
         let extra = || point.get(Factor::extra(EXTRA_SPECULAR + path.specular));
-        let Some(sample) = shading.bsdf.sample(u, if rough { 0.5 } else { extra() }) else { return Next::End };
+        let bsdf = match &narrow {
+            Some((drawn, _, _)) if u.x >= *drawn => return Next::End,
+            Some((_, _, bsdf)) => bsdf,
+            None if rough && last => return Next::End,
+            None => &shading.bsdf,
+        };
+        let Some(sample) = bsdf.sample(u, if rough { 0.5 } else { extra() }) else { return Next::End };
         if path.specular >= MOST_SPECULAR {
             return Next::End;
         }

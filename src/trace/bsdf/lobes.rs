@@ -126,6 +126,35 @@ struct Coat {
     facets: Facets,
 }
 
+/// What wide and narrow lobes give towards one direction.
+///
+/// Narrow lobes are those that sampling the lights serves worse than sampling the lobe: see [`Bsdf::is_wide`].
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Evaluation {
+    /// f · |cosᵢ| of the wide lobes.
+    pub wide: Vec3,
+    /// The same of the narrow ones.
+    pub narrow: Vec3,
+    /// Density by solid angle of drawing the direction from a wide lobe.
+    pub wide_pdf: f32,
+    /// The same from a narrow one.
+    pub narrow_pdf: f32,
+}
+
+impl Evaluation {
+    /// f · |cosᵢ| over all lobes.
+    #[must_use]
+    pub fn value(&self) -> Vec3 {
+        self.wide + self.narrow
+    }
+
+    /// Density by solid angle of drawing the direction from any lobe.
+    #[must_use]
+    pub fn pdf(&self) -> f32 {
+        self.wide_pdf + self.narrow_pdf
+    }
+}
+
 /// The scattering function at one vertex, for one direction to the viewer.
 #[derive(Debug, Clone, Copy)]
 pub struct Bsdf {
@@ -171,13 +200,34 @@ impl Bsdf {
     /// mirror, and no GGX width below a quarter (roughness ½), where a lobe spans about a steradian.
     #[must_use]
     pub fn is_wide(&self) -> bool {
+        (0..LOBES).all(|lobe| self.chance[lobe] <= 0.0 || !self.is_narrow(lobe))
+    }
+
+    fn is_narrow(&self, lobe: usize) -> bool {
         const WIDE: f32 = 0.25;
-        let narrow = |lobe: usize| match lobe {
+        match lobe {
             SPECULAR | THIN => self.specular.smooth || self.specular.ggx.alpha.min_element() < WIDE,
             GLASS_REFLECTION | GLASS_TRANSMISSION | COAT => true,
             _ => false,
-        };
-        (0..LOBES).all(|lobe| self.chance[lobe] <= 0.0 || !narrow(lobe))
+        }
+    }
+
+    /// The same surface with its narrow lobes alone, drawn `eagerness` times as often as among all, or always: the
+    /// probability with which any is drawn, how many times as often each is, and the lobes. `None` where all are wide.
+    #[must_use]
+    pub fn narrow_lobes(&self, eagerness: f32) -> Option<(f32, f32, Self)> {
+        let mut narrow = *self;
+        for lobe in (0..LOBES).filter(|&lobe| !self.is_narrow(lobe)) {
+            narrow.chance[lobe] = 0.0;
+        }
+        let among_all: f32 = narrow.chance.iter().sum();
+        let drawn = (eagerness * among_all).min(1.0);
+        if drawn <= 0.0 {
+            return None;
+        }
+        let times = drawn / among_all;
+        narrow.chance = narrow.chance.map(|c| c * times);
+        Some((drawn, times, narrow))
     }
 
     /// Whether nothing is scattered at all.
@@ -207,11 +257,23 @@ impl Bsdf {
     /// f · |cosᵢ| and the density of sampling `wi` by solid angle, over all lobes that have one.
     #[must_use]
     pub fn eval(&self, wi: Vec3A) -> (Vec3, f32) {
+        let e = self.evaluate(wi);
+        (e.value(), e.pdf())
+    }
+
+    /// As [`Bsdf::eval`], wide and narrow lobes apart.
+    #[must_use]
+    pub fn evaluate(&self, wi: Vec3A) -> Evaluation {
         let i = self.basis.local(wi);
-        let (mut value, mut pdf) = (Vec3::ZERO, 0.0);
+        let mut sum = Evaluation::default();
         let mut add = |lobe: usize, (v, density): (Vec3, f32)| {
-            value += v;
-            pdf += self.chance[lobe] * density;
+            if self.is_narrow(lobe) {
+                sum.narrow += v;
+                sum.narrow_pdf += self.chance[lobe] * density;
+            } else {
+                sum.wide += v;
+                sum.wide_pdf += self.chance[lobe] * density;
+            }
         };
         if wi.dot(self.ng) > 0.0 {
             if i.z > 0.0 {
@@ -224,11 +286,11 @@ impl Bsdf {
                 if let Some(g) = self.glass.filter(|g| self.chance[GLASS_REFLECTION] > 0.0 && !g.smooth[0]) {
                     add(GLASS_REFLECTION, self.glass_reflection(&g, i));
                 }
-                if let Some((color, sheen)) = self.sheen {
+                if let Some((color, sheen)) = self.sheen.filter(|_| self.chance[SHEEN] > 0.0) {
                     add(SHEEN, (color * sheen.value(self.o, i), warp::uniform_hemisphere_pdf()));
                 }
             }
-            if let Some(coat) = self.coat.filter(|c| !c.facets.smooth) {
+            if let Some(coat) = self.coat.filter(|c| self.chance[COAT] > 0.0 && !c.facets.smooth) {
                 let i = coat.basis.local(wi);
                 if i.z > 0.0 {
                     add(COAT, coat.facets.reflection(coat.o, i));
@@ -245,8 +307,8 @@ impl Bsdf {
                 add(GLASS_TRANSMISSION, self.glass_transmission(&g, i));
             }
         }
-        debug_assert!(value.is_finite() && pdf.is_finite(), "{value} {pdf}");
-        (value, pdf)
+        debug_assert!(sum.value().is_finite() && sum.pdf().is_finite(), "{sum:?}");
+        sum
     }
 
     fn diffuse_value(&self, color: Vec3, cos: f32) -> (Vec3, f32) {
@@ -328,7 +390,8 @@ impl Bsdf {
         if transmitted != matches!(lobe, THROUGH | THIN | GLASS_TRANSMISSION) {
             return None;
         }
-        let (value, pdf) = self.eval(wi);
+        let e = self.evaluate(wi);
+        let (value, pdf) = (e.value(), e.pdf());
         if pdf <= 0.0 || value == Vec3::ZERO {
             return None;
         }

@@ -19,7 +19,7 @@ mod sheen;
 mod spectrum;
 mod tangent;
 
-pub use lobes::Bsdf;
+pub use lobes::{Bsdf, Evaluation};
 pub use material::{Materials, Medium};
 pub use shading::{Shading, ShadingQuery, dispersed_ior};
 pub use spectrum::{Wavelength, wavelength};

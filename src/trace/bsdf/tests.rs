@@ -302,3 +302,41 @@ fn limits_stay_finite() {
         }
     }
 }
+
+/// What narrow lobes alone reflect, however often they are drawn, and what wide ones reflect make up the whole. The
+/// narrow part is some 0.08 here; with eagerness 0.5 half of its draws are left out and the rest counts twice.
+#[test]
+fn narrow_lobes_and_wide_ones_make_up_the_whole() {
+    for coat in [false, true] {
+        let mut p = Parameters { alpha: Vec2::splat(0.04), ..parameters(0.7) };
+        if coat {
+            p.coat = Some(CoatParameters { factor: 1.0, alpha: 0.01, basis: p.basis });
+            p.alpha = Vec2::splat(0.5);
+        }
+        let bsdf = Bsdf::new(&p);
+        let wide: f64 = (0..N)
+            .map(|i| {
+                let u = Vec2::new((i as f32 + 0.5) / N as f32, (f64::from(i) * 0.618_033_988_749_894_9).fract() as f32);
+                let w = crate::trace::warp::uniform_hemisphere_from_square(u);
+                let e = bsdf.evaluate(w);
+                assert!(e.wide.min_element() >= 0.0 && e.narrow.min_element() >= 0.0);
+                f64::from(e.wide.x) * std::f64::consts::TAU / f64::from(N)
+            })
+            .sum();
+        let whole = f64::from(furnace(&bsdf, N).x);
+        for eagerness in [0.5, 1.0, 8.0, 1e3] {
+            let (drawn, times, narrow) = bsdf.narrow_lobes(eagerness).unwrap();
+            assert!(drawn <= 1.0 && (eagerness > 8.0 || (times - eagerness).abs() < 1e-5));
+            let part: f64 = (0..N)
+                .map(|i| {
+                    Vec2::new((i as f32 + 0.5) / N as f32, (f64::from(i) * 0.618_033_988_749_894_9).fract() as f32)
+                })
+                .filter(|u| u.x < drawn)
+                .filter_map(|u| narrow.sample(u, 0.5))
+                .map(|s| f64::from(s.throughput.x) / f64::from(N))
+                .sum();
+            assert!(part > 0.03 && (wide + part - whole).abs() < 4e-3, "{coat} {eagerness}: {wide} {part} {whole}");
+        }
+    }
+    assert!(Bsdf::new(&parameters(0.7)).narrow_lobes(1.0).is_none(), "a width of a quarter is wide");
+}
