@@ -68,10 +68,10 @@ impl EffectsPlan {
         Self {
             exposure_s: stage.interval.duration(),
             objects: stage.instances.len(),
-            moving_objects: count(&|i| !i.motion.is_still() || stage.geometries[i.geometry].keys.len() > 1),
+            moving_objects: count(&|i| !i.motion.is_constant() || stage.geometries[i.geometry].keys.len() > 1),
             camera_moves: !stage.camera.motion.is_still()
                 || (stage.camera.aperture_radius > 0.0 && open.to_bits() != close.to_bits()),
-            moving_lights: stage.lights.iter().filter(|l| !l.motion.is_still()).count(),
+            moving_lights: stage.lights.iter().filter(|l| !l.motion.is_constant()).count(),
             rolling,
             aperture_radius: f64::from(stage.camera.aperture_radius),
             emissive_objects: count(&|i| {

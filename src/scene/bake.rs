@@ -16,7 +16,7 @@ use super::limbs::{Eye, Limbs};
 use super::rig::{PlaceJet, Rig};
 use super::schedule::{Clock, KeyInstant, key_instants};
 use super::stage::{Geometry, Instance, StageCamera, StageLight, VertexKey};
-use super::{LightShape, MeshId, Motion, NodeId, Stage};
+use super::{LightShape, MeshId, Motion, NodeId, Presence, Stage};
 use crate::time::Exposure;
 use glam::{Affine3A, DAffine3, DVec3, Mat3A, Vec3, Vec3A};
 use rayon::prelude::*;
@@ -218,6 +218,32 @@ impl<'r, 'a> Baker<'r, 'a> {
             .get_or_init(|| Reach::of(self.rig.scene().meshes[mesh].positions.iter().map(|p| p.as_dvec3())))
     }
 
+    /// When `node` is visible, by its own clock: a change within the exposure is a jump. `None`: at no time.
+    #[allow(clippy::cast_possible_truncation, reason = "places in the exposure are stored as f32")]
+    fn presence(&self, node: NodeId) -> Option<Presence> {
+        let clock = Clock::new(self.interval, self.rig.blur(node));
+        if clock.stands() || !self.rig.blinks(node) {
+            return self.rig.is_visible(node, self.interval.middle()).then_some(Presence::ALWAYS);
+        }
+        let mut breaks = Vec::new();
+        self.rig.blink_breaks(node, (clock.open, clock.close), &mut breaks);
+        let mut ends: Vec<f64> = breaks.iter().map(|b| b.0).chain([clock.open, clock.close]).collect();
+        ends.sort_by(f64::total_cmp);
+        let mut spans: Vec<[f32; 2]> = Vec::new();
+        for piece in ends.windows(2).filter(|p| self.rig.is_visible(node, 0.5 * (p[0] + p[1]))) {
+            let [from, to] = [piece[0], piece[1]].map(|t| clock.u(t) as f32);
+            match spans.last_mut() {
+                Some(last) if last[1] >= from => last[1] = to,
+                _ => spans.push([from, to]),
+            }
+        }
+        match spans[..] {
+            [] => None,
+            [[from, to]] if from <= 0.0 && to >= 1.0 => Some(Presence::ALWAYS),
+            _ => Some(Presence::within(spans)),
+        }
+    }
+
     /// Everything visible, placed.
     fn instances(&self) -> (Vec<Geometry>, Vec<Instance>) {
         let scene = self.rig.scene();
@@ -225,9 +251,10 @@ impl<'r, 'a> Baker<'r, 'a> {
         let mut shared: HashMap<MeshId, usize> = HashMap::new();
         let (mut sources, mut jobs) = (Vec::new(), Vec::new());
         for (node, holder) in scene.nodes.iter().enumerate() {
-            if holder.meshes.is_empty() || !self.rig.is_visible(node, self.interval.middle()) {
+            if holder.meshes.is_empty() {
                 continue;
             }
+            let Some(presence) = self.presence(node) else { continue };
             for &mesh in holder.meshes.iter().filter(|&&m| !scene.meshes[m].triangles.is_empty()) {
                 let bent = deforms(self.rig, mesh, node);
                 let known = if bent { None } else { shared.get(&mesh).copied() };
@@ -238,7 +265,7 @@ impl<'r, 'a> Baker<'r, 'a> {
                 if !bent {
                     shared.insert(mesh, geometry);
                 }
-                jobs.push((node, mesh, geometry, bent));
+                jobs.push(((node, mesh, geometry, bent), presence.clone()));
             }
         }
         let geometries = sources
@@ -248,7 +275,11 @@ impl<'r, 'a> Baker<'r, 'a> {
                 deformer.map_or(Geometry { mesh, keys: Vec::new(), times: Vec::new() }, |d| self.shape(mesh, node, &d))
             })
             .collect();
-        let placed: Vec<Vec<Instance>> = jobs.par_iter().map(|&job| self.placed(job)).collect();
+        let place = |(job, presence): ((NodeId, MeshId, usize, bool), Presence)| -> Vec<Instance> {
+            let present = |i: Instance| Instance { motion: i.motion.present(presence.clone()), ..i };
+            self.placed(job).into_iter().map(present).collect()
+        };
+        let placed: Vec<Vec<Instance>> = jobs.into_par_iter().map(place).collect();
         (geometries, placed.into_iter().flatten().collect())
     }
 
@@ -289,18 +320,14 @@ impl<'r, 'a> Baker<'r, 'a> {
     pub fn stage(&self, camera: StageCamera) -> Stage {
         let scene = self.rig.scene();
         let (geometries, instances) = self.instances();
-        let lit = |&(node, holder): &(NodeId, &super::Node)| {
-            holder.light.is_some() && self.rig.is_visible(node, self.interval.middle())
-        };
         let lights = scene
             .nodes
             .iter()
             .enumerate()
-            .filter(lit)
-            .filter_map(|(node, holder)| Some((node, &scene.lights[holder.light?])))
-            .map(|(node, light)| StageLight {
+            .filter_map(|(node, holder)| Some((node, &scene.lights[holder.light?], self.presence(node)?)))
+            .map(|(node, light, presence)| StageLight {
                 light: light.clone(),
-                motion: self.light_motion(node, &light.shape),
+                motion: self.light_motion(node, &light.shape).present(presence),
                 node,
             })
             .collect();

@@ -34,7 +34,7 @@ pub use info::Info;
 pub use light::{Environment, Light, LightShape};
 pub use material::{AlphaMode, Material, Specular, TextureRef};
 pub use mesh::{Mesh, MorphTarget, SkinBinding};
-pub use motion::Motion;
+pub use motion::{Motion, Presence};
 pub use node::{LocalTransform, Node, Skin};
 pub use sources::{SourceFile, Sources, sources};
 pub use stage::{Geometry, Instance, Stage, StageCamera, StageLight};

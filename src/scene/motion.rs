@@ -1,4 +1,4 @@
-//! A rigid or affine motion over one exposure, as linear segments.
+//! A rigid or affine motion over one exposure, as linear segments, and when there is anything that moves.
 
 use crate::factor::compiled;
 use glam::Affine3A;
@@ -11,13 +11,52 @@ use glam::Affine3A;
 pub struct Motion {
     times: Vec<f32>,
     keys: Vec<Affine3A>,
+    presence: Presence,
+}
+
+/// When something is there in an exposure: always, or only within some spans of it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Presence {
+    /// Spans [from, to) of `u_time`, ascending; empty: always.
+    spans: Vec<[f32; 2]>,
+}
+
+impl Presence {
+    /// There throughout.
+    pub const ALWAYS: Self = Self { spans: Vec::new() };
+
+    /// There within `spans`, [from, to) in `u_time`, one at least, ascending; one that ends at 1 includes it.
+    ///
+    /// # Panics
+    /// If there is no span: what is never there is nothing.
+    #[must_use]
+    pub fn within(mut spans: Vec<[f32; 2]>) -> Self {
+        assert!(!spans.is_empty(), "something is there at some time");
+        debug_assert!(spans.is_sorted_by(|a, b| a[0] <= a[1] && a[1] <= b[0]), "spans ascend");
+        spans.iter_mut().filter(|s| s[1] >= 1.0).for_each(|s| s[1] = f32::INFINITY);
+        Self { spans }
+    }
+
+    /// Whether it is there throughout.
+    #[must_use]
+    #[inline(always)]
+    pub fn is_always(&self) -> bool {
+        self.spans.is_empty()
+    }
+
+    /// Whether it is there at `u_time` in [0, 1].
+    #[must_use]
+    #[inline(always)]
+    pub fn holds(&self, u_time: f32) -> bool {
+        self.is_always() || self.spans.iter().any(|&[from, to]| from <= u_time && u_time < to)
+    }
 }
 
 impl Motion {
     /// Something that stands still.
     #[must_use]
     pub fn still(transform: Affine3A) -> Self {
-        Self { times: vec![0.0], keys: vec![transform] }
+        Self { times: vec![0.0], keys: vec![transform], presence: Presence::ALWAYS }
     }
 
     /// A path through `keys` at ascending `times`, the first 0 and the last 1.
@@ -29,7 +68,27 @@ impl Motion {
         assert!(times.len() == keys.len() && keys.len() >= 2, "a path needs a time for each of two or more keys");
         debug_assert!(times.windows(2).all(|w| w[0] <= w[1]), "times ascend");
         debug_assert!(times[0] <= 0.0 && times[times.len() - 1] >= 1.0, "the keys span the exposure");
-        Self { times, keys }
+        Self { times, keys, presence: Presence::ALWAYS }
+    }
+
+    /// The same motion of something that is there only at times.
+    #[must_use]
+    pub fn present(mut self, presence: Presence) -> Self {
+        self.presence = presence;
+        self
+    }
+
+    /// When what moves is there.
+    #[must_use]
+    #[inline(always)]
+    pub fn presence(&self) -> &Presence {
+        &self.presence
+    }
+
+    /// Whether it looks the same throughout: it stands still and is always there.
+    #[must_use]
+    pub fn is_constant(&self) -> bool {
+        self.is_still() && self.presence.is_always()
     }
 
     /// Whether it stands still.

@@ -214,6 +214,16 @@ impl<'a> Rig<'a> {
         })
     }
 
+    /// Appends the instants strictly inside (`a`, `b`) at which the node may appear or vanish, on the shot's clock.
+    pub fn blink_breaks(&self, node: NodeId, (a, b): (f64, f64), breaks: &mut Vec<(f64, bool)>) {
+        for (shift, from, to) in self.laps(a, b) {
+            for n in self.chain(node) {
+                collect(breaks, self.drives[n].visibility, shift, from, to);
+            }
+        }
+        self.seams(a, b, breaks);
+    }
+
     /// Whether the node's visibility is ever animated.
     #[must_use]
     pub fn blinks(&self, node: NodeId) -> bool {

@@ -32,7 +32,7 @@ pub struct Geometry {
 pub struct Instance {
     /// Index into [`Stage::geometries`].
     pub geometry: usize,
-    /// World from geometry.
+    /// World from geometry, and when it is visible.
     pub motion: Motion,
     /// The node it came from.
     pub node: NodeId,
@@ -58,7 +58,7 @@ pub struct StageCamera {
 pub struct StageLight {
     /// What shines.
     pub light: Light,
-    /// World from light: position, and direction along −z.
+    /// World from light: position, and direction along −z; and when it shines.
     pub motion: Motion,
     /// The node it came from.
     pub node: NodeId,
@@ -73,7 +73,7 @@ pub struct Stage {
     pub camera: StageCamera,
     /// Shapes; several instances may share one.
     pub geometries: Vec<Geometry>,
-    /// Shapes placed in the world. Only what is visible.
+    /// Shapes placed in the world. Only what is visible at some time ([`Motion::presence`]).
     pub instances: Vec<Instance>,
     /// Punctual lights placed in the world.
     pub lights: Vec<StageLight>,

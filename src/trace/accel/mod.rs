@@ -395,7 +395,8 @@ fn build_places(
             (false, true) => still_pose(motion),
             (false, false) => Pose::Moving(motion.clone()),
         };
-        (Place { body: Arc::clone(&bodies[&plan.key]), pose, instance: plan.number }, plan.baked)
+        let (body, presence) = (Arc::clone(&bodies[&plan.key]), motion.presence().clone());
+        (Place { body, pose, presence, instance: plan.number }, plan.baked)
     };
     (plans.iter().map(place).collect(), bodies)
 }

@@ -12,7 +12,7 @@ use super::tree::{Nodes, StillTree};
 use super::walk::{Query, Visit, WORLD, walk};
 use super::world::World;
 use crate::factor::compiled;
-use crate::scene::Motion;
+use crate::scene::{Motion, Presence};
 use crate::scene::motion::segment_at;
 use crate::trace::Ray;
 use glam::{Affine3A, Vec3A};
@@ -23,6 +23,8 @@ use std::sync::Arc;
 pub(super) struct Place {
     pub(super) body: Arc<Body>,
     pub(super) pose: Pose,
+    /// When it is there.
+    pub(super) presence: Presence,
     /// Index of the stage's instance.
     pub(super) instance: u32,
 }
@@ -198,9 +200,12 @@ impl Place {
         swept(self.pose.motion().unwrap_or(&still), &self.body.motion, begin, end)
     }
 
-    /// The ray in the structure's space; `None` where the matrix is singular at that instant.
+    /// The ray in the structure's space; `None` where it is not there at that instant or its matrix is singular.
     #[inline(always)]
     fn enter(&self, ray: &Ray) -> Option<(Vec3A, Vec3A)> {
+        if !self.presence.holds(ray.u_time) {
+            return None;
+        }
         match &self.pose {
             Pose::World => Some((ray.origin, ray.direction)),
             Pose::Still { inverse, .. } => {

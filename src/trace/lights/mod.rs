@@ -243,6 +243,9 @@ impl<'a> Lights<'a> {
 
     fn emitter_sample(&self, number: usize, q: &LightQuery, chance: f32, u: Vec2) -> Option<LightSample> {
         let emitter = &self.emitters.list[number];
+        if !self.stage.instances[emitter.instance as usize].motion.presence().holds(q.u_time) {
+            return None;
+        }
         let seen = SeenShape::new(self.emitters.shape(self.scene, self.stage, number, q.u_time), q.position)?;
         if !emitter.double_sided && seen.facing() <= 0.0 {
             return None;

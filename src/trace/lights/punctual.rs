@@ -99,6 +99,9 @@ fn sphere_one_minus_cos(radius: f32, distance: f32) -> f32 {
 
 /// Samples the light from `from`.
 pub(super) fn sample(light: &StageLight, from: Vec3A, u_time: f32, u: Vec2) -> Option<Arrival> {
+    if !light.motion.presence().holds(u_time) {
+        return None;
+    }
     let (place, axis) = pose(light, u_time);
     let arrival = match nature(light) {
         Nature::Direction => {
@@ -150,6 +153,9 @@ pub(super) fn sample(light: &StageLight, from: Vec3A, u_time: f32, u: Vec2) -> O
 /// What a ray from `from` along `wi` sees of a light with extent: distance, radiance, and the density by solid angle
 /// with which [`sample`] finds it.
 pub(super) fn seen(light: &StageLight, from: Vec3A, wi: Vec3A, u_time: f32) -> Option<(f32, Vec3, f32)> {
+    if !light.motion.presence().holds(u_time) {
+        return None;
+    }
     let (place, axis) = pose(light, u_time);
     match nature(light) {
         Nature::Point | Nature::Direction => None,
@@ -181,6 +187,9 @@ pub(super) fn seen(light: &StageLight, from: Vec3A, wi: Vec3A, u_time: f32) -> O
 
 /// An estimate of the irradiance that a light from infinitely far gives at normal `n`.
 pub(super) fn far_irradiance(light: &StageLight, n: Vec3A, both_sides: bool, u_time: f32) -> f32 {
+    if !light.motion.presence().holds(u_time) {
+        return 0.0;
+    }
     let cos = -n.dot(pose(light, u_time).1);
     let cos = if both_sides { cos.abs() } else { cos };
     let spread = match light.light.shape {
