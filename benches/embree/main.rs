@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::missing_panics_doc, reason = "a measuring program stops at the first surprise")]
 #![allow(missing_docs, unreachable_pub, reason = "not a library")]
 
+mod files;
 mod scenes;
 
 use graeco::trace::Ray;
@@ -220,11 +221,14 @@ fn main() {
     let only = value("only").unwrap_or_default();
     let folder = tempfile::tempdir().unwrap();
     type Maker = fn() -> Case;
-    let cases: [(&str, &str, Maker); 9] = [
+    let cases: [(&str, &str, Maker); 12] = [
         ("static", "", || scenes::one_mesh("still", 1)),
         ("hall", "", || scenes::hall("hall, still")),
         ("tilted", "", || scenes::tilted("hall, askew")),
         ("meadow", "", || scenes::meadow("meadow, still")),
+        ("forest", "", || files::frozen("forest.glb, frozen", "animations/forest.glb")),
+        ("still_life", "", || files::frozen("still_life.glb", "scenes/still_life.glb")),
+        ("pool", "", || files::frozen("pool.glb, frozen", "animations/pool.glb")),
         ("deforming", "", || scenes::one_mesh("deforming, Embree's default", 2)),
         ("deforming4vmb", "tri_accel_mb=bvh8.triangle4vmb", || scenes::one_mesh("deforming, bvh8.triangle4vmb", 2)),
         ("instances", "", || scenes::instanced("instances, still", 1)),

@@ -60,10 +60,15 @@ pub struct Case {
     pub turns: bool,
     pub eye: Vec3,
     pub target: Vec3,
+    /// Tangent of half the angle of view, across and upright.
+    pub reach: f32,
 }
 
+/// How far the procedural scenes look aside.
+const REACH: f32 = 0.53;
+
 impl Shape {
-    fn append(&mut self, other: &Self) {
+    pub fn append(&mut self, other: &Self) {
         #[allow(clippy::cast_possible_truncation, reason = "a million vertices")]
         let base = self.keys[0].len() as u32;
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|i| i + base)));
@@ -212,7 +217,7 @@ pub fn one_mesh(name: &'static str, keys: usize) -> Case {
         all.append(&Shape { triangles: faces.clone(), keys: keys_of_ball });
     }
     let placed = vec![Placed { shape: 0, keys: vec![Affine3A::IDENTITY] }];
-    Case { name, shapes: vec![all], placed, turns: false, eye: EYE, target: TARGET }
+    Case { name, shapes: vec![all], placed, turns: false, eye: EYE, target: TARGET, reach: REACH }
 }
 
 /// The ground, and 2000 instances of 8 balls of 5120 triangles: `keys` 1 still, 2 lerped, more turning.
@@ -234,7 +239,7 @@ pub fn instanced(name: &'static str, keys: usize) -> Case {
         };
         Placed { shape: 1 + i % 8, keys: (0..keys).map(at).collect() }
     }));
-    Case { name, shapes, placed, turns: keys > 2, eye: EYE, target: TARGET }
+    Case { name, shapes, placed, turns: keys > 2, eye: EYE, target: TARGET, reach: REACH }
 }
 
 /// The hall as a building that stands askew to all axes: its large triangles reach through each other's boxes.
@@ -292,6 +297,7 @@ pub fn hall(name: &'static str) -> Case {
         turns: false,
         eye: Vec3::new(3.0, 5.0, -40.0),
         target: Vec3::new(0.0, 4.0, 0.0),
+        reach: REACH,
     }
 }
 
@@ -324,6 +330,7 @@ pub fn meadow(name: &'static str) -> Case {
         turns: false,
         eye: Vec3::new(2.0, 3.0, -19.0),
         target: Vec3::new(0.0, 0.0, 0.0),
+        reach: REACH,
     }
 }
 
@@ -364,7 +371,7 @@ impl Case {
     pub fn primary(&self) -> Vec<Ray> {
         let forward = (self.target - self.eye).normalize();
         let right = forward.cross(Vec3::Y).normalize();
-        let (up, reach) = (right.cross(forward), 0.53);
+        let (up, reach) = (right.cross(forward), self.reach);
         let mut dice = Dice::new(1);
         (0..1_u32 << 20)
             .map(|i| {
