@@ -17,7 +17,7 @@ pub const LOG_MEANS: [(Design, [f64; 4]); 7] = [
 ];
 
 /// Function 4 alone: design, runs, ratio. Sobol's .32 at 16 runs is left out: over seven factors it depends on which
-/// direction numbers are taken (those of Joe and Kuo confound the sixth and seventh dimension there).
+/// direction numbers are taken (of Joe and Kuo's, the second and seventh meet in 4 of 4 × 4 cells there).
 pub const DISK: [(Design, u32, f64); 11] = [
     (Design::Jittered, 16, 0.42),
     (Design::Jittered, 64, 0.38),

@@ -351,6 +351,9 @@ impl PathTracer<'_> {
                 None => Finds::Everything,
             };
             path.radiance += path.throughput * self.direct(path, surface, shading, point, finds);
+            if last && narrow.is_none() {
+                return Next::End;
+            }
         }
         let u = if rough {
             Vec2::new(point.get(Factor::lobe_u(path.vertex)), point.get(Factor::lobe_v(path.vertex)))
@@ -361,7 +364,6 @@ impl PathTracer<'_> {
         let bsdf = match &narrow {
             Some((drawn, _, _)) if u.x >= *drawn => return Next::End,
             Some((_, _, bsdf)) => bsdf,
-            None if rough && last => return Next::End,
             None => &shading.bsdf,
         };
         let Some(sample) = bsdf.sample(u, if rough { 0.5 } else { extra() }) else { return Next::End };
