@@ -54,7 +54,7 @@ const PAIRS: [(&str, Factor, Factor); 5] = [
 
 const HEAD: &str = "<!doctype html><meta charset=utf-8><title>Sampling patterns</title><style>body{font:15px \
     system-ui,sans-serif;max-width:1360px;margin:2em auto;padding:0 1em}img{width:100%;image-rendering:pixelated}\
-    th{width:20%}table{width:100%}.plots{display:flex;flex-wrap:wrap;gap:8px}.plots svg{flex:1 1 600px;height:auto}\
+    th{width:20%}table{width:100%}.plots{display:grid;grid-template-columns:repeat(auto-fill,minmax(560px,1fr));gap:8px}.plots svg{width:100%;height:auto}\
     </style><h1>Sampling patterns</h1>";
 
 pub(crate) fn run(args: &StudyPatternsArgs) -> Result<()> {
