@@ -1,7 +1,7 @@
 //! Encoded pictures to pixels, with every size bounded before it is allocated and decoders' panics caught.
 
 use super::Pixels;
-use image::{ColorType, DynamicImage, ImageFormat, ImageReader, Limits};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::cell::Cell;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -51,25 +51,50 @@ fn word(bytes: &[u8], at: usize) -> Result<u32, String> {
         .ok_or_else(|| "it ends within its header".into())
 }
 
-/// Columns and rows, from the header alone.
-fn dimensions(bytes: &[u8]) -> Result<(u32, u32), String> {
-    let (width, height) = if is_ktx2(bytes) {
-        (word(bytes, 20)?, word(bytes, 24)?)
-    } else {
-        guarded("image", || reader(bytes)?.into_dimensions().map_err(|e| e.to_string()))?
-    };
-    if width == 0 || height == 0 || width > LONGEST || height > LONGEST {
-        return Err(format!("it has {width} x {height} pixels, expected 1 to {LONGEST} each way"));
-    }
-    Ok((width, height))
+/// What a header says.
+struct Header {
+    width: u32,
+    height: u32,
+    /// Bytes a pixel, as the decoder or as we hold it, whichever is more.
+    pixel: u8,
 }
 
-/// An upper bound of what the decoded pixels take, bytes.
+impl Header {
+    fn of(bytes: &[u8]) -> Result<Self, String> {
+        let (width, height, pixel) = if is_ktx2(bytes) {
+            (word(bytes, 20)?, word(bytes, 24)?, 4)
+        } else {
+            guarded("image", || {
+                let decoder = reader(bytes)?.into_decoder().map_err(|e| e.to_string())?;
+                let ((width, height), stored) = (decoder.dimensions(), decoder.color_type());
+                let held = match stored {
+                    ColorType::Rgb32F | ColorType::Rgba32F => 12,
+                    _ if is_deep(stored) => 8,
+                    _ => 4,
+                };
+                Ok((width, height, stored.bytes_per_pixel().max(held)))
+            })?
+        };
+        if width == 0 || height == 0 || width > LONGEST || height > LONGEST {
+            return Err(format!("it has {width} x {height} pixels, expected 1 to {LONGEST} each way"));
+        }
+        Ok(Self { width, height, pixel })
+    }
+
+    /// An upper bound of what the decoded pixels take, bytes.
+    fn size(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height) * u64::from(self.pixel)
+    }
+}
+
+/// An upper bound of what the decoded pixels take, bytes: from the header alone.
 pub(crate) fn size(bytes: &[u8]) -> Result<u64, String> {
-    let (width, height) = dimensions(bytes)?;
-    let deep = bytes.starts_with(b"\x89PNG") && bytes.get(24) == Some(&16);
-    let bytes_a_pixel = if deep { 8 } else { 4 };
-    Ok(u64::from(width) * u64::from(height) * bytes_a_pixel)
+    Header::of(bytes).map(|h| h.size())
+}
+
+/// Whether samples have 16 bits.
+fn is_deep(color: ColorType) -> bool {
+    matches!(color, ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16)
 }
 
 fn reader(bytes: &[u8]) -> Result<ImageReader<Cursor<&[u8]>>, String> {
@@ -90,12 +115,12 @@ fn reader(bytes: &[u8]) -> Result<ImageReader<Cursor<&[u8]>>, String> {
 
 /// Decodes a picture of at most `most` bytes of pixels. Channels are as stored: nothing is made linear.
 pub(crate) fn picture(bytes: &[u8], most: u64) -> Result<Decoded, String> {
-    let (width, height) = dimensions(bytes)?;
-    if size(bytes)? > most {
-        return Err(format!("its {width} x {height} pixels take more than {} MiB", most >> 20));
+    let header = Header::of(bytes)?;
+    if header.size() > most {
+        return Err(format!("its {} x {} pixels take more than {} MiB", header.width, header.height, most >> 20));
     }
     if is_ktx2(bytes) {
-        return guarded("KTX2", || ktx2(bytes, (width, height), most));
+        return guarded("KTX2", || ktx2(bytes, &header));
     }
     guarded("image", || {
         let mut reader = reader(bytes)?;
@@ -111,17 +136,18 @@ pub(crate) fn picture(bytes: &[u8], most: u64) -> Result<Decoded, String> {
 
 fn pixels(image: DynamicImage) -> Pixels {
     match image.color() {
-        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => {
-            Pixels::Rgba16(image.into_rgba16().pixels().map(|p| p.0).collect())
-        }
+        color if is_deep(color) => Pixels::Rgba16(image.into_rgba16().pixels().map(|p| p.0).collect()),
         ColorType::Rgb32F | ColorType::Rgba32F => Pixels::RgbF32(image.into_rgb32f().pixels().map(|p| p.0).collect()),
         _ => Pixels::Rgba8(image.into_rgba8().pixels().map(|p| p.0).collect()),
     }
 }
 
 /// Decodes the largest level of a Basis Universal texture (`KHR_texture_basisu`).
-fn ktx2(bytes: &[u8], (width, height): (u32, u32), most: u64) -> Result<Decoded, String> {
+fn ktx2(bytes: &[u8], header: &Header) -> Result<Decoded, String> {
     const LEVELS: usize = 80;
+    let (width, height) = (header.width, header.height);
+    // Blocks of 4 x 4 texels take a byte a texel; a picture of one texel still takes a block.
+    let most = header.size().max(64);
     let count = word(bytes, 40)?.max(1);
     if count > 32 {
         return Err(format!("it has {count} mip levels, expected at most 32"));
