@@ -13,7 +13,6 @@ use graeco::scene::view::ViewRequest;
 use graeco::scene::{Environment, Image, Pixels, Scene, texture};
 use graeco::time::FrameRate;
 use graeco::trace::environment::Background;
-use graeco::trace::path::Caustics;
 
 impl ShotArgs {
     /// Reads the scene.
@@ -77,7 +76,7 @@ impl ShotArgs {
             texture_filter: self.texture_filter,
             bounces: self.bounces,
             sure_bounces: self.sure_bounces,
-            caustics: if self.caustics { Caustics::On } else { Caustics::Off },
+            caustics: self.caustics,
             aovs: self.aov.clone(),
         }
     }

@@ -7,6 +7,7 @@ use graeco::output::PixelAspect;
 use graeco::output::video::Standard;
 use graeco::render::aovs::Aov;
 use graeco::time::{FrameRate, Parity, ShutterPhase};
+use graeco::trace::path::Caustics;
 use graeco::trace::texture::TextureFilter;
 use std::path::PathBuf;
 
@@ -140,7 +141,7 @@ pub(crate) struct ShotArgs {
 
     /// How textures are read: point (full resolution), mip (trilinear), stochastic (one texel drawn by mip's weights), ewa
     /// (every texel under the pixel's ellipse), stochastic-ewa (one texel drawn along that ellipse)
-    #[arg(long, value_name = "NAME", default_value = "stochastic", value_parser = parse_texture_filter, help_heading = SAMPLING)]
+    #[arg(long, value_name = "NAME", default_value = "mip", value_parser = parse_texture_filter, help_heading = SAMPLING)]
     pub(crate) texture_filter: TextureFilter,
 
     /// Diffuse and rough bounces after the first hit; 0 is direct light and what mirrors and clear glass show
@@ -151,10 +152,14 @@ pub(crate) struct ShotArgs {
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(0..=1024), help_heading = LIGHT)]
     pub(crate) sure_bounces: u16,
 
-    /// Light from lamps that mirrors and glass focus onto other surfaces, computed: noisy. Without it, what polished
-    /// metal and lacquer focus is blurred, and what glass focuses is left out
-    #[arg(long, help_heading = LIGHT)]
-    pub(crate) caustics: bool,
+    /// Light from lamps that mirrors and glass focus onto other surfaces: exact (noisy), blurred (what polished metal and
+    /// lacquer focus is blurred, what glass focuses is left out) or dropped (diffuse surfaces are lit by lamps and diffuse
+    /// surfaces alone); without a value, exact
+    #[arg(
+        long, value_name = "HOW", default_value = "blurred", default_missing_value = "exact", num_args = 0..=1,
+        value_parser = parse_caustics, help_heading = LIGHT
+    )]
+    pub(crate) caustics: Caustics,
 
     /// Light from all around: an equirectangular picture (.hdr, .exr)
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "background", help_heading = LIGHT)]
@@ -292,6 +297,15 @@ fn parse_background(text: &str) -> Result<Backdrop, String> {
         ("none", _) => Ok(Backdrop::Constant([0.0; 3])),
         (_, Some((top, bottom))) => Ok(Backdrop::Gradient(colour(top)?, colour(bottom)?)),
         (_, None) => Ok(Backdrop::Constant(colour(text)?)),
+    }
+}
+
+fn parse_caustics(text: &str) -> Result<Caustics, String> {
+    match text {
+        "dropped" => Ok(Caustics::Dropped),
+        "blurred" => Ok(Caustics::Blurred),
+        "exact" => Ok(Caustics::Exact),
+        _ => Err("expected dropped, blurred or exact".into()),
     }
 }
 

@@ -130,7 +130,7 @@ fn drawn_under(shape: LightShape) -> Vec<Factor> {
     let lights = Lights::build(&scene, &stage, &materials, &environment);
     let parts = Parts { scene: &scene, stage: &stage, accel: &accel, materials: &materials, lights: &lights };
     let lengths = PathLengths { bounces: 0, sure: 2 };
-    let tracer = PathTracer::new(parts, CameraRays::new(&stage.camera, (8, 8), 1.0), lengths, Caustics::Off);
+    let tracer = PathTracer::new(parts, CameraRays::new(&stage.camera, (8, 8), 1.0), lengths, Caustics::Blurred);
     let design = Design::new(&DesignOptions::default(), &[Factor::FILM_X, Factor::FILM_Y]);
     let pixel = design.pixel(PixelAddress { x: 4, y: 4, frame: 0, field: 0 });
     let point = pixel.point(0);

@@ -12,6 +12,7 @@ pub mod camera;
 mod economy;
 pub mod environment;
 pub mod lights;
+mod media;
 pub mod path;
 mod quadrature;
 pub mod ray;

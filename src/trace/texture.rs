@@ -29,11 +29,11 @@ pub enum TextureFilter {
     /// The full-resolution level alone, whatever the footprint: every texel's detail, and its aliasing.
     Point,
     /// Two neighbouring levels blended by a round footprint of equal area (trilinear).
+    #[default]
     Mip,
     /// One texel, drawn with the probability that [`TextureFilter::Mip`] would weigh it: the same mean for an eighth
     /// of the reads, and filtering after shading instead of before (Fajardo et al. 2023, "Stochastic Texture
     /// Filtering").
-    #[default]
     Stochastic,
     /// One texel: of trilinear lookups side by side along the footprint's ellipse, as wide as its short axis, one is
     /// drawn, and of that one texel with the probability of its weight.

@@ -35,6 +35,8 @@ def arguments():
     a.add_argument("out", metavar="OUT_PREFIX")
     a.add_argument("--jobs", required=True, help="spp:seed+seed,spp:seed,...")
     a.add_argument("--res", default="320x180", metavar="WxH")
+    a.add_argument("--caustics", choices=["dropped", "blurred", "exact"], default="dropped",
+                   help="light from lamps by way of mirrors and glass onto other surfaces; Cycles without caustics: dropped")
     a.add_argument("--mode", choices=["direct", "b4"], default="direct",
                    help="direct: direct light, mirrors and clear glass; b4: four bounces")
     a.add_argument("--sampler", default="auto", help="a design: see graeco render --help")
@@ -118,7 +120,8 @@ def main():
     o = arguments()
     extras = camera_extras(o.glb)
     common = [program(), "render", o.glb, "--size", o.res, "--bounces", "0" if o.mode == "direct" else "4",
-              "--design", o.sampler, "--background", "none", "--filter", "box", "--depth", "float", "--quiet"]
+              "--design", o.sampler, "--background", "none", "--filter", "box", "--depth", "float", "--quiet",
+              "--caustics", o.caustics]
     common += exposure(o, extras) + lens(o, extras) + (["--threads", str(o.threads)] if o.threads else [])
     os.makedirs(os.path.dirname(os.path.abspath(o.out)), exist_ok=True)
     for runs, seed in jobs(o.jobs):

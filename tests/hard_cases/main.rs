@@ -23,6 +23,7 @@ mod geometry;
 mod lens;
 mod light;
 mod materials;
+mod media;
 mod motion_bounds;
 #[path = "../support/moving.rs"]
 mod moving;

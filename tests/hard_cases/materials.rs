@@ -90,7 +90,8 @@ fn every_lobe_stays_finite_at_its_limits() {
         for cos in [1.0_f32, 1.0 - 1e-7, 0.7, 0.3, 1e-3, 1e-7, 0.0, -1e-7, -0.2, -0.8, -1.0] {
             let wo = view(cos);
             let surface = point(material);
-            let query = ShadingQuery { cone_width: 0.01, u_texture: 0.5, wavelength_nm: Some(450.0), least_alpha: 0.0 };
+            let query =
+                ShadingQuery { cone_width: 0.01, u_texture: 0.5, wavelength_nm: Some(450.0), ..Default::default() };
             let shading = Shading::new(&scene, &materials, &surface, wo, query);
             let ng = shading.bsdf.geometric_normal();
             for u in edges {
@@ -276,7 +277,7 @@ fn textures_of_one_texel_and_of_a_strip_are_read_everywhere() {
         for filter in [TextureFilter::Point, TextureFilter::Mip, TextureFilter::Stochastic] {
             let materials = Materials::new(&scene, filter);
             for cone_width in [0.0_f32, 1e-9, 1.0, 1e9, f32::MAX] {
-                let query = ShadingQuery { cone_width, u_texture: 0.9, wavelength_nm: None, least_alpha: 0.0 };
+                let query = ShadingQuery { cone_width, u_texture: 0.9, wavelength_nm: None, ..Default::default() };
                 let shading = Shading::new(&scene, &materials, &point(0), Vec3A::Z, query);
                 // sRGB 188 is 0.502886; levels round to 16 bits.
                 let red = shading.unlit.unwrap().x;

@@ -37,11 +37,11 @@ fn walls(scene: &mut Scene, roughness: f32, caustics: Caustics) -> (f64, f64) {
 #[test]
 fn a_polished_ball_adds_no_fireflies_and_takes_no_light() {
     let mut scene = shots::load("scenes/cornell.glb");
-    let (_, satin) = walls(&mut scene, 0.7, Caustics::Off);
+    let (_, satin) = walls(&mut scene, 0.7, Caustics::Blurred);
     let mut planted = 0.0_f64;
     for roughness in [0.0_f32, 0.02, 0.05, 0.12, 0.3] {
-        let (mean, variance) = walls(&mut scene, roughness, Caustics::Off);
-        let (truth, noise) = walls(&mut scene, roughness, Caustics::On);
+        let (mean, variance) = walls(&mut scene, roughness, Caustics::Blurred);
+        let (truth, noise) = walls(&mut scene, roughness, Caustics::Exact);
         let pixels = 24.0 * 12.0;
         let tolerance = 4.0 * ((variance + noise) / pixels).sqrt() + 0.02 * truth;
         println!("roughness {roughness}: mean {mean:.4} for {truth:.4}, variance {variance:.2e} against {noise:.2e}");

@@ -37,7 +37,7 @@ pub(crate) fn settings(size: (u32, u32), runs: u32, bounces: u16) -> Settings {
         texture_filter: TextureFilter::default(),
         bounces,
         sure_bounces: 2,
-        caustics: Caustics::Off,
+        caustics: Caustics::Blurred,
         aovs: Vec::new(),
     }
 }

@@ -54,9 +54,15 @@ impl Ggx {
     /// A facet normal visible from `wo` (z > 0): sampled as a spherical cap (Dupuy and Benyoub 2023).
     #[inline]
     pub(super) fn visible_normal(self, wo: Vec3A, u: Vec2) -> Vec3A {
+        self.visible_normal_around(wo, azimuth_from_unit(u.x), u.y)
+    }
+
+    /// The same by a point of the circle of azimuths and `u` in [0, 1).
+    #[inline]
+    pub(super) fn visible_normal_around(self, wo: Vec3A, azimuth: Vec2, u: f32) -> Vec3A {
         let v = Vec3A::new(self.alpha.x * wo.x, self.alpha.y * wo.y, wo.z).normalize();
         // The cap z > −v.z, in the area-preserving form of a cone of 1 − cos = 1 + v.z.
-        let c = cap_from_square(u, v.z);
+        let c = cap_from_square(azimuth, u, v.z);
         let h = c + v;
         let n = Vec3A::new(self.alpha.x * h.x, self.alpha.y * h.y, h.z.max(0.0));
         let length2 = n.length_squared();
@@ -67,11 +73,17 @@ impl Ggx {
 
 /// A direction with z in (−`vz`, 1], uniform by solid angle.
 #[inline]
-fn cap_from_square(u: Vec2, vz: f32) -> Vec3A {
-    let z = (1.0 - u.y) * (1.0 + vz) - vz;
+fn cap_from_square(azimuth: Vec2, u: f32, vz: f32) -> Vec3A {
+    let z = (1.0 - u) * (1.0 + vz) - vz;
     let r = (1.0 - z * z).max(0.0).sqrt();
-    let (sin, cos) = crate::numeric::sin_cos(TAU * u.x);
-    Vec3A::new(r * cos, r * sin, z)
+    Vec3A::new(r * azimuth.x, r * azimuth.y, z)
+}
+
+/// The point of the unit circle at `u` of a turn.
+#[inline]
+pub(super) fn azimuth_from_unit(u: f32) -> Vec2 {
+    let (sin, cos) = crate::numeric::sin_cos(TAU * u);
+    Vec2::new(cos, sin)
 }
 
 /// `wo` mirrored about `h`.

@@ -1,11 +1,12 @@
 //! What is prepared once for each material of a scene.
 
 use super::albedo::{self, Glass};
+use super::shading::Surroundings;
 use crate::scene::{AlphaMode, Material, MaterialId, Scene};
 use crate::trace::texture::{ColorSpace, Footprint, TextureFilter, Textures};
 use glam::{Vec2, Vec3};
-use std::collections::HashMap;
-use std::sync::Arc;
+use std::collections::{BTreeSet, HashMap};
+use std::sync::{Arc, OnceLock};
 
 /// A homogeneous medium behind a refracting boundary.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,7 +30,9 @@ impl Medium {
 pub struct Materials {
     pub(super) textures: Textures,
     /// By material: albedos of its refracting boundary from outside and from inside.
-    pub(super) glass: Vec<Option<Arc<[Glass; 2]>>>,
+    glass: Vec<Option<Arc<[Glass; 2]>>>,
+    /// The same for boundaries between two media of the scene, by the bits of the inner and the outer index.
+    nested: HashMap<(u32, u32), OnceLock<[Glass; 2]>>,
     media: Vec<Option<Medium>>,
     /// By material: whether reading it draws texels at random.
     draws: Vec<bool>,
@@ -40,7 +43,11 @@ impl Materials {
     #[must_use]
     pub fn new(scene: &Scene, filter: TextureFilter) -> Self {
         let any = |used: fn(&Material) -> bool| scene.materials.iter().any(used);
-        albedo::prepare(any(|m| m.sheen.is_some()), any(|m| m.anisotropy.is_some()));
+        albedo::prepare(albedo::Wanted {
+            sheen: any(|m| m.sheen.is_some()),
+            anisotropy: any(|m| m.anisotropy.is_some()),
+            coat: any(|m| m.clearcoat.is_some_and(|c| c.roughness > 0.0)),
+        });
         let media: Vec<_> = scene.materials.iter().map(medium_of).collect();
         let mut by_ior: HashMap<u32, Arc<[Glass; 2]>> = HashMap::new();
         let mut tables = |m: &Medium| {
@@ -69,7 +76,24 @@ impl Materials {
                 textured && filter.draws()
             })
             .collect();
-        Self { textures: Textures::new(scene, filter), glass, media, draws }
+        let nested = nested(scene, &media);
+        Self { textures: Textures::new(scene, filter), glass, nested, media, draws }
+    }
+
+    /// The albedos of the boundary of `material`, from outside (0) or inside (1); `None` where it is perfectly smooth,
+    /// or the same on both sides.
+    pub(super) fn glass(&self, material: MaterialId, surroundings: Surroundings, side: usize) -> Option<&Glass> {
+        let own = self.glass[material].as_deref()?;
+        match surroundings {
+            Surroundings::Air => Some(&own[side]),
+            Surroundings::Same => None,
+            Surroundings::Body(around, _) => {
+                let (inner, outer) = (self.media[material]?.ior, self.media[around]?.ior);
+                let tables = self.nested.get(&(inner.to_bits(), outer.to_bits()))?;
+                // Made when the first path needs it: which bodies are in which is not known before.
+                Some(&tables.get_or_init(|| [Glass::new(inner / outer), Glass::new(outer / inner)])[side])
+            }
+        }
     }
 
     /// The prepared textures.
@@ -141,6 +165,22 @@ pub(super) fn resolved_alpha(mode: AlphaMode, alpha: f32) -> f32 {
         AlphaMode::Mask { cutoff } => f32::from(u8::from(alpha >= cutoff)),
         AlphaMode::Blend => alpha.clamp(0.0, 1.0),
     }
+}
+
+/// Places for the tables of every boundary that rough bodies of the scene can have with others.
+fn nested(scene: &Scene, media: &[Option<Medium>]) -> HashMap<(u32, u32), OnceLock<[Glass; 2]>> {
+    /// Scenes with more kinds of boundaries than this do without what scattering between facets gives back there.
+    const MOST: usize = 1024;
+    let bits = |wanted: fn(&Material) -> bool| -> BTreeSet<u32> {
+        let bodies = scene.materials.iter().zip(media).filter(|(m, _)| wanted(m));
+        bodies.filter_map(|(_, medium)| medium.map(|m| m.ior.to_bits())).collect()
+    };
+    let (rough, all) = (bits(|m| m.roughness > 0.0), bits(|_| true));
+    if rough.len() * all.len() > MOST {
+        return HashMap::new();
+    }
+    let pairs = rough.iter().flat_map(|&inner| all.iter().map(move |&outer| (inner, outer)));
+    pairs.filter(|(inner, outer)| inner != outer).map(|pair| (pair, OnceLock::new())).collect()
 }
 
 fn medium_of(material: &Material) -> Option<Medium> {

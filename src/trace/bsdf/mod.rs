@@ -21,7 +21,7 @@ mod tangent;
 
 pub use lobes::{Bsdf, Evaluation};
 pub use material::{Materials, Medium};
-pub use shading::{Shading, ShadingQuery, dispersed_ior};
+pub use shading::{Shading, ShadingQuery, Surroundings, dispersed_ior};
 pub use spectrum::{Wavelength, wavelength};
 
 use crate::numeric;

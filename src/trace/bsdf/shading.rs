@@ -4,7 +4,7 @@ use super::fresnel::{f0_of, schlick_weight, thin_film};
 use super::lobes::{Boundary, Bsdf, CoatParameters, Parameters};
 use super::material::{Materials, Medium, resolved_alpha};
 use super::tangent::{Basis, mapped_normal, visible_normal};
-use crate::scene::{Material, Scene, TextureRef};
+use crate::scene::{Material, MaterialId, Scene, TextureRef};
 use crate::trace::surface::SurfacePoint;
 use crate::trace::texture::{ColorSpace, Footprint};
 use glam::{Vec2, Vec3, Vec3A, Vec4};
@@ -19,8 +19,35 @@ pub struct ShadingQuery {
     /// Vacuum wavelength in nanometres, where the path has one: dispersive media then bend by it.
     pub wavelength_nm: Option<f32>,
     /// The least GGX width that facets are shown with, 0 to 1: narrower ones are widened to it, except on what lets
-    /// light through, where they become a perfectly smooth surface. 0 shows the material as it is.
+    /// light through, where those below half of it become a perfectly smooth surface. 0 shows the material as it is.
     pub least_alpha: f32,
+    /// Whether only diffuse lobes and sheen are wanted.
+    pub diffuse_only: bool,
+    /// What lies around the body, if the surface is the boundary of one.
+    pub surroundings: Surroundings,
+}
+
+/// What is on the other side of a body's boundary from the body.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Surroundings {
+    /// Nothing that bends light.
+    #[default]
+    Air,
+    /// Another body: its material, and its index of refraction for this path.
+    Body(MaterialId, f32),
+    /// The same on both sides: the boundary bends nothing and reflects nothing.
+    Same,
+}
+
+impl Surroundings {
+    /// Their index of refraction around a body of index `ior`.
+    fn ior(self, ior: f32) -> f32 {
+        match self {
+            Self::Air => 1.0,
+            Self::Body(_, around) => around,
+            Self::Same => ior,
+        }
+    }
 }
 
 /// A material at one point, seen from one direction.
@@ -90,8 +117,9 @@ impl Shading {
         };
         let ng = point.geometric_normal * side;
         let n = point.normal * side;
-        let parameters =
-            parameters(&reader, material, point, base_color.min(Vec3::ONE), Facing { wo, ng, n, side, medium });
+        let facing = Facing { wo, ng, n, side, medium, surroundings: query.surroundings };
+        let mut parameters = parameters(&reader, material, point, base_color.min(Vec3::ONE), facing);
+        parameters.diffuse_only = query.diffuse_only;
         let bsdf = if material.unlit { Bsdf::new(&black(&parameters)) } else { Bsdf::new(&parameters) };
         Self { emitted, opacity, unlit: material.unlit.then_some(base_color), bsdf, medium }
     }
@@ -129,6 +157,7 @@ struct Facing {
     /// 1 in front, −1 behind.
     side: f32,
     medium: Option<Medium>,
+    surroundings: Surroundings,
 }
 
 fn parameters<'a>(
@@ -164,14 +193,16 @@ fn parameters<'a>(
         let strength = (a.strength * texel.z).clamp(0.0, 1.0);
         alpha.x += (1.0 - alpha.x) * strength * strength;
     }
-    let boundary = f.medium.map(|m| {
-        let inside = f.side < 0.0;
-        Boundary {
-            eta: if inside { 1.0 / m.ior } else { m.ior },
-            glass: reader.materials.glass[point.material].as_deref().map(|g| &g[usize::from(inside)]),
-        }
+    let inside = f.side < 0.0;
+    // Of the body relative to what is around it.
+    let index = f.medium.map(|m| m.ior / f.surroundings.ior(m.ior));
+    let boundary = index.map(|eta| Boundary {
+        eta: if inside { 1.0 / eta } else { eta },
+        glass: reader.materials.glass(point.material, f.surroundings, usize::from(inside)),
     });
-    let (mut f0, f90) = dielectric_reflectance(reader, material);
+    // The special index 0 reflects all, in any medium.
+    let index = index.filter(|_| material.ior > 0.0).unwrap_or(material.ior);
+    let (mut f0, f90) = dielectric_reflectance(reader, material, index);
     let mut metal_f0 = base;
     if let Some(i) = &material.iridescence {
         let factor = (i.factor * reader.linear(&i.texture).x).clamp(0.0, 1.0);
@@ -219,21 +250,23 @@ fn parameters<'a>(
         diffuse_transmission_color: through.1,
         coat,
         sheen,
+        diffuse_only: false,
     }
 }
 
 /// GGX widths as [`ShadingQuery::least_alpha`] says.
 fn regularised(alpha: Vec2, least: f32, clear: bool) -> Vec2 {
     match clear {
-        true if alpha.max_element() < least => Vec2::ZERO,
+        // Widened surfaces would let lamps through as a glow; only what is far narrower is taken for a smooth one.
+        true if alpha.max_element() < 0.5 * least => Vec2::ZERO,
         true => alpha,
         false => alpha.max(Vec2::splat(least)),
     }
 }
 
-/// F₀ and F₉₀ of the dielectric (`KHR_materials_specular` over `KHR_materials_ior`).
-fn dielectric_reflectance(reader: &Reader<'_>, material: &Material) -> (Vec3, f32) {
-    let f0 = f0_of(material.ior);
+/// F₀ and F₉₀ of the dielectric of relative index `ior` (`KHR_materials_specular` over `KHR_materials_ior`).
+fn dielectric_reflectance(reader: &Reader<'_>, material: &Material, ior: f32) -> (Vec3, f32) {
+    let f0 = f0_of(ior);
     match &material.specular {
         None => (Vec3::splat(f0), 1.0),
         Some(s) => {

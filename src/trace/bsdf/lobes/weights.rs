@@ -8,9 +8,6 @@ use super::super::sheen::{self, Sheen};
 use super::{Boundary, Bsdf, Coat, Facets, GlassLobe, LOBES, Parameters};
 use glam::{Vec2, Vec3, Vec3A};
 
-/// Reflectance of the clear coat at normal incidence: index 1.5, as `KHR_materials_clearcoat` fixes it.
-const COAT_F0: f32 = 0.04;
-
 /// Widths as sampled: below the limit in both axes a mirror, in one a clamped highlight.
 fn widths(alpha: Vec2) -> (Ggx, bool) {
     let smooth = alpha.max_element() < ALPHA_SPECULAR;
@@ -60,7 +57,7 @@ impl Bsdf {
         let through = p.diffuse_transmission_color * (diffuse_scale * p.diffuse_transmission);
 
         let thin = if p.boundary.is_none() { Self::thin_of(p, e, clear) } else { (Vec3::ZERO, Vec3::ZERO) };
-        let glass = p.boundary.map(|b| Self::glass_of(p, b, o.z, roughness, smooth, clear));
+        let glass = p.boundary.map(|b| Self::glass_of(p, b, o, (ggx, roughness, smooth), clear));
 
         let mut bsdf = Self {
             ng: p.ng,
@@ -80,14 +77,15 @@ impl Bsdf {
         };
         let mean = |v: Vec3| v.element_sum() / 3.0;
         let glass_albedo = glass.map_or((0.0, 0.0), |(_, albedo)| albedo);
+        let facets = if p.diffuse_only { 0.0 } else { 1.0 };
         bsdf.weigh([
             mean(diffuse) * below,
             mean(through) * below,
-            mean(specular.k0 * e.mirror + specular.k1 * e.schlick),
-            mean(thin.0 * e.mirror + thin.1 * e.schlick),
-            glass_albedo.0,
-            glass_albedo.1,
-            coat_albedo,
+            facets * mean(specular.k0 * e.mirror + specular.k1 * e.schlick),
+            facets * mean(thin.0 * e.mirror + thin.1 * e.schlick),
+            facets * glass_albedo.0,
+            facets * glass_albedo.1,
+            facets * coat_albedo,
             sheen.map_or(0.0, |(c, _)| mean(c)) * sheen_albedo,
         ]);
         bsdf
@@ -98,10 +96,8 @@ impl Bsdf {
         let (ggx, smooth) = widths(Vec2::splat(c.alpha));
         let o = c.basis.local(p.wo);
         let o = Vec3A::new(o.x, o.y, o.z.max(f32::MIN_POSITIVE));
-        let e = GgxAlbedo::at(o.z, if smooth { 0.0 } else { c.alpha.sqrt() });
-        let (k0, k1) = (c.factor * COAT_F0, c.factor * (1.0 - COAT_F0));
-        let facets = Facets { ggx, smooth, k0: Vec3::splat(k0), k1: Vec3::splat(k1) };
-        (Some(Coat { basis: c.basis, o, facets }), k0 * e.mirror + k1 * e.schlick)
+        let albedo = c.factor * albedo::coat_albedo(o.z, if smooth { 0.0 } else { c.alpha.sqrt() });
+        (Some(Coat { basis: c.basis, o, ggx, smooth, factor: c.factor }), albedo)
     }
 
     /// What thin transmission multiplies 1 and Schlick's weight with: all that reflection leaves goes through.
@@ -121,14 +117,14 @@ impl Bsdf {
     fn glass_of(
         p: &Parameters<'_>,
         b: Boundary<'_>,
-        cos: f32,
-        roughness: f32,
-        smooth: bool,
+        o: Vec3A,
+        (ggx, roughness, smooth): (Ggx, f32, bool),
         clear: f32,
     ) -> (GlassLobe, (f32, f32)) {
+        let cos = o.z;
         let exact = dielectric(cos, b.eta);
         let (r, t) = match b.glass {
-            Some(glass) if !smooth => glass.at(cos, roughness),
+            Some(glass) if !smooth => glass.seen(ggx.alpha, roughness, o),
             _ => (exact, 1.0 - exact),
         };
         // What single scattering loses between facets goes on in the same proportion.
