@@ -16,6 +16,9 @@ use crate::numeric;
 /// Marks a factor that the design has no column for.
 const PAD: u8 = u8::MAX;
 
+/// Most columns of a net that are used; factors beyond are padded.
+const MOST_COLUMNS: usize = 24;
+
 /// Uses of a pixel's key, kept apart.
 mod tag {
     pub(super) const SCRAMBLE: u64 = 0;
@@ -78,6 +81,8 @@ pub struct Design {
     /// Column by factor index, [`PAD`] where there is none.
     columns: Vec<u8>,
     method: Method,
+    /// Columns that the method has.
+    room: usize,
     /// Four factors of any further vertex.
     pad: NetTables,
 }
@@ -98,7 +103,7 @@ impl Design {
         let method = method(&choice, runs, active.len(), options.frames, options.seed);
         let room = match &method {
             Method::Array(array) => array.columns,
-            Method::Net(net) | Method::Picture(net, _) => net.columns(),
+            Method::Net(net) | Method::Picture(net, _) => net.columns().min(MOST_COLUMNS),
             _ => active.len().min(usize::from(PAD)),
         };
         let mut columns = vec![PAD; active.last().map_or(0, |f| usize::from(f.index()) + 1)];
@@ -121,6 +126,7 @@ impl Design {
             factors,
             columns,
             method,
+            room,
             pad,
         }
     }
@@ -178,14 +184,27 @@ impl Design {
             let (net_key, first) = order.locate(place, self.seed_key);
             let key = subkey(net_key, tag::JITTER | u64::from(first) << 16);
             let shuffle = subseed(net_key, tag::SHUFFLE);
-            return PixelDesign { design: self, key, place, net_key, first, shuffle, levels: None };
+            let seeds = self.scrambles(net_key);
+            return PixelDesign { design: self, key, place, first, shuffle, seeds, levels: None };
         }
         let key = subkey(subkey(self.seed_key, xy), time);
-        let levels = match &self.method {
-            Method::Array(method) => Levels::new(method, subkey(key, tag::LEVELS)),
-            _ => None,
-        };
-        PixelDesign { design: self, key, place, net_key: key, first: 0, shuffle: 0, levels }
+        let (mut seeds, mut levels) = ([0; MOST_COLUMNS], None);
+        match &self.method {
+            Method::Array(method) => levels = Levels::new(method, subkey(key, tag::LEVELS)),
+            Method::Net(_) => seeds = self.scrambles(key),
+            _ => (),
+        }
+        PixelDesign { design: self, key, place, first: 0, shuffle: 0, seeds, levels }
+    }
+
+    /// Seeds of the net's scrambles by column.
+    #[inline]
+    fn scrambles(&self, net_key: u64) -> [u32; MOST_COLUMNS] {
+        let mut seeds = [0; MOST_COLUMNS];
+        for (seed, column) in seeds[..self.room].iter_mut().zip(0_u64..) {
+            *seed = subseed(net_key, tag::SCRAMBLE | column);
+        }
+        seeds
     }
 }
 
@@ -226,12 +245,12 @@ pub struct PixelDesign<'a> {
     design: &'a Design,
     key: u64,
     place: Place,
-    /// The key of the net's scrambles: the pixel's own, or that of all pixels which share a net.
-    net_key: u64,
     /// Index of run 0 in the net.
     first: u32,
     /// Seed of the net's shuffle, where pixels share it.
     shuffle: u32,
+    /// Seeds of the net's scrambles by column: the pixel's own, or those of all pixels which share a net.
+    seeds: [u32; MOST_COLUMNS],
     levels: Option<Levels>,
 }
 
@@ -277,7 +296,7 @@ impl Point<'_> {
     fn drawn(&self, factor: Factor, column: u8) -> u32 {
         match &self.pixel.design.method {
             Method::Net(net) | Method::Picture(net, _) if column != PAD => {
-                let seed = subseed(self.pixel.net_key, tag::SCRAMBLE | u64::from(column));
+                let seed = self.pixel.seeds[usize::from(column)];
                 scramble_reversed(net.reversed(usize::from(column), self.index), seed).reverse_bits()
             }
             Method::Array(method) if column != PAD => self.array_level(method, usize::from(column)),
@@ -295,8 +314,7 @@ impl Point<'_> {
     /// 32 independent bits for `factor`.
     #[inline]
     fn jitter(&self, factor: Factor) -> u32 {
-        let key = subkey(self.pixel.key, tag::JITTER | u64::from(factor.index()));
-        subseed(key, u64::from(self.run))
+        subseed(self.pixel.key, tag::JITTER | u64::from(factor.index()) << 32 | u64::from(self.run))
     }
 
     /// One of N strata of [0, 1), by a permutation of the factor's own.
