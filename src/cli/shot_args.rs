@@ -154,11 +154,8 @@ pub(crate) struct ShotArgs {
 
     /// Light from lamps that mirrors and glass focus onto other surfaces: exact (noisy), blurred (what polished metal and
     /// lacquer focus is blurred, what glass focuses is left out) or dropped (diffuse surfaces are lit by lamps and diffuse
-    /// surfaces alone); without a value, exact
-    #[arg(
-        long, value_name = "HOW", default_value = "blurred", default_missing_value = "exact", num_args = 0..=1,
-        value_parser = parse_caustics, help_heading = LIGHT
-    )]
+    /// surfaces alone)
+    #[arg(long, value_name = "HOW", default_value = "blurred", value_parser = parse_caustics, help_heading = LIGHT)]
     pub(crate) caustics: Caustics,
 
     /// Light from all around: an equirectangular picture (.hdr, .exr)

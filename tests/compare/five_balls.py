@@ -162,7 +162,7 @@ def ours(path, out, samples):
     program = os.environ.get("GRAECO", tree)
     size = f"{SIZE[0]}x{SIZE[1]}"
     subprocess.run([program, "render", path, "-o", out, "--size", size, "--runs", str(samples), "--depth", "float", "--frames",
-                    "0", "--bounces", "12", "--sure-bounces", "12", "--caustics", "--background", f"{SKY},{SKY},{SKY}", "--quiet"],
+                    "0", "--bounces", "12", "--sure-bounces", "12", "--caustics", "exact", "--background", f"{SKY},{SKY},{SKY}", "--quiet"],
                    check=True)
 
 

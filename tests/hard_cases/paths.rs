@@ -1,5 +1,5 @@
 //! Paths that meet a lamp by a rare chance: near-mirrors after a diffuse bounce. What blows up is the variance; without
-//! `--caustics` it must stay bounded while the light stays.
+//! `--caustics exact` it must stay bounded while the light stays.
 
 use super::shots;
 use glam::Vec3;
