@@ -85,24 +85,26 @@ const fn low_half(bits: u64) -> u32 {
     bits as u32
 }
 
-/// A uniform permutation of 0..n in `out` (n = its length, at most 64), by Fisher and Yates from `key`.
+/// A uniform permutation of 0..n in `out` (n = its length, at most 256), by Fisher and Yates from `key`.
 ///
-/// Digits of mixed radix are taken off a 64-bit number, renewed before its range is used up: no ratio of two
-/// probabilities differs from one by more than 2⁻¹⁶.
+/// Digits of mixed radix are taken off a 64-bit number, renewed before its range is used up: six of at most eight bits
+/// leave sixteen, so no ratio of two probabilities differs from one by more than 2⁻¹⁶.
 #[inline]
 pub(crate) fn fill_permutation(out: &mut [u8], mut key: u64) {
-    const PER_WORD: usize = 9;
-    let mut word = key;
+    const PER_WORD: usize = 6;
+    let (mut word, mut left) = (key, PER_WORD + 1);
     for i in 0..out.len() {
-        if i % PER_WORD == PER_WORD - 1 {
+        // The first digit is always 0 and takes nothing off.
+        if left == 0 {
             key = subkey(key, i as u64);
-            word = key;
+            (word, left) = (key, PER_WORD);
         }
+        left -= 1;
         let wide = u128::from(word) * (i as u128 + 1);
         #[allow(clippy::cast_possible_truncation, reason = "the upper half is below i + 1, the lower half goes on")]
         let (j, rest) = ((wide >> 64) as usize, wide as u64);
         word = rest;
-        #[allow(clippy::cast_possible_truncation, reason = "at most 64 elements")]
+        #[allow(clippy::cast_possible_truncation, reason = "at most 256 elements")]
         let element = i as u8;
         out[i] = out[j];
         out[j] = element;
@@ -211,7 +213,7 @@ mod tests {
         }
 
         #[test]
-        fn filled_permutations_are_bijections(n in 1_usize..64, key: u64) {
+        fn filled_permutations_are_bijections(n in 1_usize..=256, key: u64) {
             let mut p = vec![0; n];
             fill_permutation(&mut p, key);
             p.sort_unstable();

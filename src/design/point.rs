@@ -8,7 +8,8 @@ use super::dither::{self, Place, ZOrder};
 use super::hash::{permute, scramble_reversed, shuffle_index, subkey, subseed};
 use super::kind::{Dither, Kind, Mask, Over};
 use super::nets::{self, NetTables};
-use super::refine::{ArrayMethod, Levels};
+use super::placed::Placed;
+use super::refine::ArrayMethod;
 use super::strata::Strata;
 use crate::factor::Factor;
 use crate::numeric;
@@ -24,9 +25,8 @@ mod tag {
     pub(super) const SCRAMBLE: u64 = 0;
     pub(super) const SHUFFLE: u64 = 1 << 56;
     pub(super) const JITTER: u64 = 2 << 56;
-    pub(super) const LEVELS: u64 = 3 << 56;
-    pub(super) const REFINE: u64 = 4 << 56;
-    pub(super) const MASK: u64 = 5 << 56;
+    pub(super) const ARRAY: u64 = 3 << 56;
+    pub(super) const MASK: u64 = 4 << 56;
 }
 
 /// What a design is made for.
@@ -83,6 +83,8 @@ pub struct Design {
     method: Method,
     /// Columns that the method has.
     room: usize,
+    /// Permutations of the runs that are written down for each pixel.
+    placed: usize,
     /// Four factors of any further vertex.
     pad: NetTables,
 }
@@ -110,6 +112,11 @@ impl Design {
         for (factor, column) in active.iter().zip(0..u8::try_from(room).unwrap_or(PAD)) {
             columns[usize::from(factor.index())] = column;
         }
+        let rows = match &method {
+            Method::Array(_) | Method::LatinHypercube => room.min(active.len()),
+            Method::Jittered => active.last().map_or(0, |f| jittered_row(*f) + 1),
+            _ => 0,
+        };
         let pad = nets::nested(bits)
             .map_or_else(|| nets::sobol(4, bits.max(1)), |set| set.into_iter().take(4).collect::<Vec<_>>());
         let pad = NetTables::new(&pad, bits);
@@ -127,6 +134,7 @@ impl Design {
             columns,
             method,
             room,
+            placed: Placed::rows(runs, rows),
             pad,
         }
     }
@@ -185,16 +193,23 @@ impl Design {
             let key = subkey(net_key, tag::JITTER | u64::from(first) << 16);
             let shuffle = subseed(net_key, tag::SHUFFLE);
             let seeds = self.scrambles(net_key);
-            return PixelDesign { design: self, key, place, first, shuffle, seeds, levels: None };
+            return PixelDesign { design: self, key, place, first, shuffle, seeds, placed: None };
         }
         let key = subkey(subkey(self.seed_key, xy), time);
-        let (mut seeds, mut levels) = ([0; MOST_COLUMNS], None);
-        match &self.method {
-            Method::Array(method) => levels = Levels::new(method, subkey(key, tag::LEVELS)),
-            Method::Net(_) => seeds = self.scrambles(key),
-            _ => (),
+        let seeds = if let Method::Net(_) = &self.method { self.scrambles(key) } else { [0; MOST_COLUMNS] };
+        PixelDesign { design: self, key, place, first: 0, shuffle: 0, seeds, placed: self.placed(key) }
+    }
+
+    /// The pixel's permutations, written down.
+    #[inline]
+    fn placed(&self, pixel_key: u64) -> Option<Placed> {
+        if self.placed == 0 {
+            return None;
         }
-        PixelDesign { design: self, key, place, first: 0, shuffle: 0, seeds, levels }
+        Some(match &self.method {
+            Method::Array(method) => Placed::array(method, self.placed, |column| array_key(pixel_key, column)),
+            _ => Placed::independent(self.runs, self.placed, |row| subkey(pixel_key, tag::SHUFFLE | row as u64)),
+        })
     }
 
     /// Seeds of the net's scrambles by column.
@@ -205,6 +220,22 @@ impl Design {
             *seed = subseed(net_key, tag::SCRAMBLE | column);
         }
         seeds
+    }
+}
+
+/// Key of an array's column in one pixel.
+#[inline]
+fn array_key(pixel_key: u64, column: usize) -> u64 {
+    subkey(pixel_key, tag::ARRAY | column as u64)
+}
+
+/// Which permutation of the runs places `factor` in a jittered design: one a pair, and one for the shutter.
+#[inline]
+fn jittered_row(factor: Factor) -> usize {
+    match usize::from(factor.index()) {
+        0 | 1 => 0,
+        2 => 1,
+        index => 2 + (index - 3) / 2,
     }
 }
 
@@ -251,7 +282,7 @@ pub struct PixelDesign<'a> {
     shuffle: u32,
     /// Seeds of the net's scrambles by column: the pixel's own, or those of all pixels which share a net.
     seeds: [u32; MOST_COLUMNS],
-    levels: Option<Levels>,
+    placed: Option<Placed>,
 }
 
 impl PixelDesign<'_> {
@@ -299,14 +330,15 @@ impl Point<'_> {
                 let seed = self.pixel.seeds[usize::from(column)];
                 scramble_reversed(net.reversed(usize::from(column), self.index), seed).reverse_bits()
             }
-            Method::Array(method) if column != PAD => self.array_level(method, usize::from(column)),
+            Method::Array(method) if column != PAD => self.array_level(method, factor, usize::from(column)),
             Method::Jittered if !factor.is_extra() && factor != Factor::SHUTTER => self.jittered_pair(factor),
             Method::Disk(tiles) if factor == Factor::FILM_X || factor == Factor::FILM_Y => {
                 tiles.coordinate(self.run, factor == Factor::FILM_Y, self.pixel.key)
             }
             Method::Random | Method::Disk(_) => self.jitter(factor),
-            Method::LatinHypercube | Method::Jittered => self.stratum_of_its_own(factor),
-            _ if factor.is_extra() => self.stratum_of_its_own(factor),
+            Method::Jittered if factor == Factor::SHUTTER => self.stratum_of_its_own(factor, jittered_row(factor)),
+            Method::LatinHypercube => self.stratum_of_its_own(factor, usize::from(column)),
+            _ if factor.is_extra() => self.stratum_of_its_own(factor, usize::MAX),
             _ => self.pad(factor),
         }
     }
@@ -317,39 +349,44 @@ impl Point<'_> {
         subseed(self.pixel.key, tag::JITTER | u64::from(factor.index()) << 32 | u64::from(self.run))
     }
 
-    /// One of N strata of [0, 1), by a permutation of the factor's own.
-    fn stratum_of_its_own(&self, factor: Factor) -> u32 {
-        let design = self.pixel.design;
-        let key = subkey(self.pixel.key, tag::SHUFFLE | u64::from(factor.index()));
-        let position = subseed(key, (1 << 32) | u64::from(self.run));
-        design.strata.point(permute(self.run, design.runs, key), position)
+    /// One of N strata of [0, 1), by the factor's own permutation, which is written down in `row` where there is room.
+    #[inline]
+    fn stratum_of_its_own(&self, factor: Factor, row: usize) -> u32 {
+        self.pixel.design.strata.point(self.permuted(row, factor.index()), self.jitter(factor))
     }
 
     /// One coordinate of a cell of N that tile the square of the factor's pair.
+    #[inline]
     fn jittered_pair(&self, factor: Factor) -> u32 {
+        let second = if factor.index() < 2 { factor.index() == 1 } else { (factor.index() - 3) % 2 == 1 };
+        let row = jittered_row(factor);
+        // Both factors of a pair name its permutation alike: by the second.
+        let number = factor.index() + u16::from(!second);
+        self.pixel.design.strata.cell_point(self.permuted(row, number), second, self.jitter(factor))
+    }
+
+    /// This run's image under the permutation in `row`, or under one that is hashed by `number`.
+    #[inline]
+    fn permuted(&self, row: usize, number: u16) -> u32 {
         let design = self.pixel.design;
-        let place = if factor.index() < 2 { factor.index() } else { factor.index() - 3 };
-        let (pair, second) = (place / 2 + u16::from(factor.index() > 2), place % 2 == 1);
-        let key = subkey(self.pixel.key, tag::SHUFFLE | 1 << 16 | u64::from(pair));
-        let position = subseed(key, (1 + u64::from(second)) << 32 | u64::from(self.run));
-        design.strata.cell_point(permute(self.run, design.runs, key), second, position)
+        match &self.pixel.placed {
+            Some(placed) if row < design.placed => placed.stratum(design.runs, row, self.run),
+            _ => {
+                let key = subkey(self.pixel.key, tag::SHUFFLE | 1 << 16 | u64::from(number));
+                permute(self.run, design.runs, key)
+            }
+        }
     }
 
     /// The stratum that the array and its refinement give.
     #[inline]
-    fn array_level(&self, method: &ArrayMethod, column: usize) -> u32 {
-        let raw = method.array.level(self.run, column);
-        let level = match &self.pixel.levels {
-            Some(levels) => levels.image(column, raw),
-            None => {
-                let key = subkey(self.pixel.key, tag::LEVELS | column as u64);
-                permute(u32::from(raw), method.array.levels(), key)
-            }
+    fn array_level(&self, method: &ArrayMethod, factor: Factor, column: usize) -> u32 {
+        let design = self.pixel.design;
+        let stratum = match &self.pixel.placed {
+            Some(placed) if column < design.placed => placed.stratum(design.runs, column, self.run),
+            _ => method.stratum(self.run, column, array_key(self.pixel.key, column)),
         };
-        let group = if method.correlated { 0 } else { u64::from(level) + 1 };
-        let key = subkey(self.pixel.key, tag::REFINE | group << 16 | column as u64);
-        let stratum = level * method.per_level + method.refined(method.rank(self.run, column), key);
-        self.pixel.design.strata.point(stratum, subseed(key, (1 << 32) | u64::from(self.run)))
+        design.strata.point(stratum, self.jitter(factor))
     }
 
     /// A factor of a further vertex: four factors share a net of their own, its runs shuffled against all others.
