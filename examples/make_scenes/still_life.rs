@@ -25,7 +25,7 @@ pub(crate) fn make() -> Vec<u8> {
         "KHR_materials_iridescence",
         json!({ "iridescenceFactor": 1.0, "iridescenceIor": 1.45, "iridescenceThicknessMaximum": 420.0 }),
     ));
-    b.put(Place::new("pearl").at(0.035, 0.02, 0.185), &Shape::ball(0.02, 64, 32).plain(), pearl);
+    b.put(Place::new("pearl").at(0.035, 0.02, 0.185), &Shape::ball(0.02, 48, 24).plain(), pearl);
     let eye = Eye::new([0.03, 0.235, 0.92], [0.005, 0.098, 0.0], 25.0).lens(Aperture::FStop(5.6), [0.0, 0.05, 0.10]);
     b.camera("camera", &eye);
     b.finish("still life")
@@ -55,7 +55,7 @@ fn room(b: &mut Builder) {
     area_light(b, "ceiling", [0.2, 1.5, 0.7], [0.1, 0.0, 0.1], (1.2, 0.8), lamp(5000.0) * 1.2);
 }
 
-/// A green bottle, a wine glass, an amber block.
+/// A green bottle, a glass of wine, an amber block.
 fn glassware(b: &mut Builder) {
     let green = b.material(Paint::new("green glass", DVec3::ONE).glass(1.5, srgb(0x3f8a5c), 0.012));
     // Inside first: from the bottom's middle up the inner wall, over the lip, down the outside.
@@ -81,6 +81,11 @@ fn glassware(b: &mut Builder) {
     ));
     goblet.extend([[0.0350, 0.0012], [0.0345, 0.0], [0.0, 0.0]]);
     b.put(Place::new("goblet").at(0.125, 0.0005, 0.02), &Shape::lathe(&goblet, 72).plain(), clear);
+    // Wine reaches half a millimetre into the crystal, so that no film of air is left between them.
+    let red = b.material(Paint::new("wine", DVec3::ONE).glass(1.345, srgb(0xb0182c), 0.02));
+    let mut wine = vec![[0.0, 0.148], [0.0345, 0.148], [0.0352, 0.1476]];
+    wine.extend(smooth(&[[0.0354, 0.146], [0.0363, 0.13], [0.0286, 0.1052], [0.0123, 0.0915], [0.0, 0.0895]], 4));
+    b.put(Place::new("wine").at(0.125, 0.0005, 0.02), &Shape::lathe(&wine, 60).plain(), red);
 
     let amber = b.material(Paint::new("amber", DVec3::ONE).glass(1.54, srgb(0xe8912a), 0.03));
     let block = Shape::block(DVec3::new(0.026, 0.018, 0.02), 0.003, 4).plain();

@@ -144,7 +144,7 @@ pub(crate) struct ShotArgs {
     #[arg(long, value_name = "NAME", default_value = "mip", value_parser = parse_texture_filter, help_heading = SAMPLING)]
     pub(crate) texture_filter: TextureFilter,
 
-    /// Diffuse and rough bounces after the first hit; 0 is direct light and what mirrors and clear glass show
+    /// Diffuse and rough bounces after the first hit; 0 is direct light and what mirrors and glass show
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(0..=1024), help_heading = LIGHT)]
     pub(crate) bounces: u16,
 

@@ -3,7 +3,7 @@
 //! A path is a chain of vertices. At a vertex with a rough lobe, light is sampled directly and the lobe is sampled for
 //! the next ray; what both can find is weighted by the power heuristic (Veach and Guibas 1995). Vertices that only
 //! mirror or refract cost no factors and count as no bounce: the surface seen in a mirror draws the very numbers that
-//! it would draw if it were seen directly.
+//! it would draw if it were seen directly. Passing through glass, rough or clear, is no bounce either.
 //!
 //! Without [`Caustics::Exact`] the path's later facets are regularised (Kaplanyan and Dachsbacher 2013, "Path Space
 //! Regularization for Holistic and Robust Light Transport"): after a lobe of GGX width a (1 for diffuse) none is narrower
@@ -24,7 +24,7 @@ use crate::numeric::{self, ONE_MINUS};
 use crate::scene::{Scene, Stage};
 use glam::{Vec2, Vec3};
 
-/// Mirror-like vertices that one path may pass: enough for any real arrangement, and an end for two facing mirrors.
+/// Vertices that are no bounces, mirrors and glass, that one path may pass: enough for any real arrangement, and an end for two facing mirrors.
 const MOST_SPECULAR: u16 = 64;
 /// Indices of [`Factor::extra`] that the path tracer draws.
 const EXTRA_ALPHA: u16 = 0;
@@ -81,8 +81,7 @@ pub struct PathTracer<'a> {
 /// How long paths are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct PathLengths {
-    /// The most diffuse and rough bounces after the first hit; 0 leaves direct light, and what mirrors and clear glass
-    /// show.
+    /// The most diffuse and rough bounces after the first hit; 0 leaves direct light, and what mirrors and glass show.
     pub bounces: u16,
     /// Bounces that every path makes. After those it goes on with a probability equal to its throughput, and carries
     /// the light of those that ended (Russian roulette, Arvo and Kirk 1990, "Particle Transport and Image Synthesis").
@@ -422,13 +421,17 @@ impl PathTracer<'_> {
                 path.focused = path.spread >= BLURS;
             }
             Scatter::Rough => {
-                if path.bounces >= self.lengths.bounces {
-                    if !self.parts.lights.needs_sampling() {
-                        return Next::End;
+                if sample.refracted {
+                    path.specular += 1;
+                } else {
+                    if path.bounces >= self.lengths.bounces {
+                        if !self.parts.lights.needs_sampling() {
+                            return Next::End;
+                        }
+                        path.last = true;
                     }
-                    path.last = true;
+                    path.bounces += 1;
                 }
-                path.bounces += 1;
                 let going_on = path.throughput.max_element();
                 if path.bounces > self.lengths.sure && going_on < 1.0 {
                     if point.get(Factor::extra(EXTRA_VERTEX + 2 * number + 1)) >= going_on {
