@@ -10,8 +10,12 @@ use graeco::render::{Adaptive, Goal};
 pub(crate) struct AdaptiveArgs {
     /// Sample each pixel until the half-width of its 95 % interval, as it is seen, is at most this part of what lies
     /// between black and white: 1% or 0.01
-    #[arg(long, value_name = "PART", value_parser = parse_part, conflicts_with_all = ["runs", "within", "until", "passes"], help_heading = SAMPLING)]
+    #[arg(long, value_name = "PART", value_parser = parse_part, conflicts_with_all = ["runs", "mean_runs", "within", "until", "passes"], help_heading = SAMPLING)]
     pub(crate) error: Option<f64>,
+
+    /// Take this many samples a pixel on average, where they lower the picture's relative error most
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=1 << 20), conflicts_with_all = ["runs", "within", "until", "passes"], help_heading = SAMPLING)]
+    pub(crate) mean_runs: Option<u32>,
 
     /// Spend this much time on each frame, 10s or 2min, where it lowers the picture's relative error most
     #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["runs", "until", "passes"], help_heading = SAMPLING)]
@@ -21,12 +25,12 @@ pub(crate) struct AdaptiveArgs {
     #[arg(long, value_name = "PART", value_parser = parse_part, conflicts_with_all = ["runs", "passes"], help_heading = SAMPLING)]
     pub(crate) until: Option<f64>,
 
-    /// Sample each frame in so many passes: repeats what --within came to, as the picture's attribute graeco.passes and
-    /// the manifest tell
+    /// Sample each frame in so many passes: repeats what --within, --until or --mean-runs came to, as the picture's
+    /// attribute graeco.passes and the manifest tell
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256), conflicts_with = "runs", help_heading = SAMPLING)]
     pub(crate) passes: Option<u32>,
 
-    /// With --error, --within, --until or --passes: the most samples a pixel, rounded down to a power of two
+    /// With --error, --mean-runs, --within, --until or --passes: the most samples a pixel, rounded down to a power of two
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(16..=1 << 20), help_heading = SAMPLING)]
     pub(crate) most_runs: u32,
 }
@@ -37,6 +41,7 @@ impl AdaptiveArgs {
         let goal = self
             .error
             .map(Goal::Error)
+            .or(self.mean_runs.map(Goal::Mean))
             .or(self.within.map(Goal::Within))
             .or(self.until.map(Goal::Until))
             .or(self.passes.map(Goal::Passes))?;

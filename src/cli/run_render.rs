@@ -114,7 +114,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     settings.adaptive = args.adaptive.adaptive(super::output_args::view(&choice));
     if settings.adaptive.is_some() && matches!(destination, Destination::Parts(_)) {
         return Err(Error::invalid(
-            "--error, --within, --until, --passes",
+            "--error, --mean-runs, --within, --until, --passes",
             "a part file holds the sums of a fixed number of runs; expected --runs, or pictures as the output",
         ));
     }

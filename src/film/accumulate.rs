@@ -277,7 +277,7 @@ mod tests {
             prop_assert_eq!(estimate.radiance, Vec3::splat(value));
             if runs > 1 {
                 // A difference of f64 numbers near value², each rounded a few times: far below what f32 resolves.
-                prop_assert!(estimate.variance.max_element() <= value * value * 1e-15);
+                prop_assert!(estimate.variance.max_element() <= value * value * 1e-14);
             }
         }
     }

@@ -35,6 +35,14 @@ impl Replicates {
         self.rejected += rejected;
     }
 
+    /// Makes room for two more: the first takes in the second, the second becomes the third and fourth together.
+    ///
+    /// So the four can be the quarters of one design that grows to twice its runs.
+    pub fn halve(&mut self) {
+        let [a, b, c, d] = self.sums;
+        self.sums = [a.plus(&b), c.plus(&d), Part::default(), Part::default()];
+    }
+
     /// The pixel as estimated from all replicates; its variance from their spread. With fewer than two replicates that
     /// have a finite run the variance is infinite.
     #[must_use]

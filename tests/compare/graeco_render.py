@@ -38,8 +38,10 @@ def arguments():
     a.add_argument("--caustics", choices=["dropped", "blurred", "exact"], default="dropped",
                    help="light from lamps by way of mirrors and glass onto other surfaces; Cycles without caustics: dropped")
     a.add_argument("--mode", choices=["direct", "b4"], default="direct",
-                   help="direct: direct light, mirrors and clear glass; b4: four bounces")
+                   help="direct: direct light, mirrors and glass; b4: four bounces")
     a.add_argument("--sampler", default="auto", help="a design: see graeco render --help")
+    a.add_argument("--spread", choices=["needed", "even"], default="needed",
+                   help="above 16 spp: more runs for pixels that need them, spp on average (--mean-runs), or spp for each")
     a.add_argument("--frame", type=float, help="may be fractional")
     a.add_argument("--fps", type=float)
     a.add_argument("--shutter", type=float, help="exposure in frames")
@@ -116,6 +118,13 @@ def jobs(text):
             yield int(runs), int(seed)
 
 
+def sampling(o, runs):
+    """The flags for so many runs a pixel, or so many on average."""
+    if o.spread == "needed" and runs > 16 and o.sampler in ("auto", "nested", "sobol", "random"):
+        return ["--mean-runs", str(runs), "--most-runs", str(min(max(4096, 32 * runs), 1 << 20))]
+    return ["--runs", str(runs)]
+
+
 def main():
     o = arguments()
     extras = camera_extras(o.glb)
@@ -128,11 +137,11 @@ def main():
         path = os.path.abspath("%s_s%d_seed%d.exr" % (o.out, runs, seed))
         with tempfile.TemporaryDirectory() as folder:
             stats = os.path.join(folder, "stats.jsonl")
-            subprocess.run(common + ["--runs", str(runs), "--seed", str(seed), "--stats", stats, "-o", path], check=True)
+            subprocess.run(common + sampling(o, runs) + ["--seed", str(seed), "--stats", stats, "-o", path], check=True)
             with open(stats) as f:
                 s = json.loads(f.readlines()[-1])
         result = dict(renderer="graeco", scene=os.path.splitext(os.path.basename(o.glb))[0], mode=o.mode,
-                      sampler=o.sampler, spp=runs, seed=seed, res=o.res, import_s=round(s["load_s"], 4),
+                      sampler=o.sampler, spread=o.spread, spp=runs, seed=seed, res=o.res, import_s=round(s["load_s"], 4),
                       wall_s=round(s["build_s"] + s["render_s"] + s["write_s"], 4), cpu_s=round(s["cpu_s"], 4),
                       sync_s=round(s["build_s"], 4), render_s=round(s["render_s"], 4), out=path,
                       peak_mb=s["peak_memory"] // 2 ** 20)

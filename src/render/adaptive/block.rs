@@ -59,6 +59,13 @@ impl Rule {
     }
 }
 
+/// Whether a pixel counts among its neighbours.
+#[derive(Debug, Clone, Copy)]
+enum Own {
+    Counted,
+    Apart,
+}
+
 #[derive(Debug, Clone, Copy, Default)]
 struct Pixel {
     sums: Replicates,
@@ -155,34 +162,45 @@ impl Block {
         u64::from(pixel.all_runs() - before)
     }
 
-    /// Pixels with fewer runs than they need, or than they and their neighbours need on average.
+    /// Pixels with fewer runs than they are to have.
     fn wanted(&self, most: u32, rule: &Rule) -> Vec<usize> {
         let least = f64::from(if let Rule::Runs(asked) = rule { *asked } else { LEAST_RUNS });
         let most_runs = f64::from(most) * REPLICATES as f64;
-        let needed: Vec<f64> = self
-            .pixels
-            .iter()
-            .map(|p| rule.needed(&p.estimate, f64::from(p.all_runs())).max(least).min(most_runs))
-            .collect();
+        let bounded = |runs: f64| runs.max(least).min(most_runs);
+        let needed: Vec<f64> = self.pixels.iter().map(|p| rule.needed(&p.estimate, f64::from(p.all_runs()))).collect();
         let wants = |&index: &usize| {
             let pixel = &self.pixels[index];
-            pixel.runs < most && f64::from(pixel.all_runs()) < needed[index].max(self.around(index, &needed))
+            let asked = match rule {
+                // By its neighbours' variances alone: a pixel that had no say in its runs is not biased by them. Were its own
+                // counted, pixels that missed what is rare at first would be left as they are.
+                Rule::Relative(_) => bounded(self.around(index, Own::Apart, |i| needed[i] * needed[i]).sqrt()),
+                _ => bounded(needed[index]).max(self.around(index, Own::Counted, |i| bounded(needed[i]))),
+            };
+            pixel.runs < most && f64::from(pixel.all_runs()) < asked
         };
         (0..self.pixels.len()).filter(wants).collect()
     }
 
-    /// Mean of `values` over a pixel and its neighbours in the block.
-    fn around(&self, index: usize, values: &[f64]) -> f64 {
+    /// Mean of `value` over a pixel's neighbours in the block, and the pixel itself if it is counted or has none.
+    fn around(&self, index: usize, own: Own, value: impl Fn(usize) -> f64) -> f64 {
         let (width, height) = (self.window.width as usize, self.rows.len());
         let (column, row) = (index % width, index / width);
         let (mut sum, mut count) = (0.0, 0.0);
         for y in row.saturating_sub(1)..(row + 2).min(height) {
             for x in column.saturating_sub(1)..(column + 2).min(width) {
-                sum += values[y * width + x];
-                count += 1.0;
+                let i = y * width + x;
+                if i != index || matches!(own, Own::Counted) || self.pixels.len() == 1 {
+                    sum += value(i);
+                    count += 1.0;
+                }
             }
         }
         sum / count
+    }
+
+    /// Pixels, whether the picture's window shows them or not.
+    pub(super) fn pixels(&self) -> u64 {
+        self.pixels.len() as u64
     }
 
     /// Pixels that `window` shows.

@@ -1,10 +1,15 @@
 //! Sampling that stops when a picture is accurate enough, or when its time is up (Mitchell 1990, §5.1; Lee, Redner and
 //! Uselton 1985).
 //!
-//! Every pixel has [`REPLICATES`] replicates of a nested design, each with a randomisation of its own. They grow together,
-//! 4, 8, 16, … runs each; their spread gives the pixel's standard error, and thereby the runs that it needs. A pixel goes
-//! on while it has fewer than that, or than it and its neighbours need on average. So a pixel that looks flat beside ones
-//! that vary goes on, and thin moving objects that the first runs missed are found.
+//! Where a pixel is held to its own interval, it has [`REPLICATES`] replicates of a Sobol sequence, each with a randomisation
+//! of its own. They grow together, 4, 8, 16, … runs each; their spread gives the pixel's standard error, and thereby the runs
+//! that it needs. A pixel goes on while it has fewer than that, or than it and its neighbours need on average. So a pixel
+//! that looks flat beside ones that vary goes on, and thin moving objects that the first runs missed are found.
+//!
+//! Where the picture as a whole is given its time, its runs or its error, a pixel has one sequence, and its quarters,
+//! each a design of its own, stand for replicates: their spread says where runs help, and no convergence is lost. It
+//! overstates the error by up to a third, since quarters stratify each other (§5.1): fit for deciding, and for a bound. A
+//! pixel's runs follow its neighbours' spreads, not its own, so that its mean is not biased by what it happened to meet.
 //!
 //! Decisions are made within the blocks of the picture's 16 × 16 grid and see nothing outside, so that a picture is the
 //! same bit for bit however it is divided along that grid, and a crop is what the whole picture shows there.
@@ -41,8 +46,10 @@ pub enum Goal {
     Within(f64),
     /// The picture stops when its relative error, [`relative_error`], is estimated to be at most this.
     Until(f64),
-    /// The picture stops after so many passes: those that [`Goal::Within`] came to.
+    /// The picture stops after so many passes: those that another goal of the picture came to.
     Passes(u32),
+    /// The picture stops before it has more than so many runs a pixel on average.
+    Mean(u32),
 }
 
 /// Adaptive sampling.
@@ -70,6 +77,7 @@ impl Adaptive {
             Goal::Within(s) => ("--within", s),
             Goal::Until(e) => ("--until", e),
             Goal::Passes(p) => ("--passes", f64::from(p)),
+            Goal::Mean(runs) => ("--mean-runs", f64::from(runs)),
         };
         if !(value.is_finite() && value > 0.0) {
             return Err(Error::invalid(format!("{flag} {value}"), "expected a number above 0"));
@@ -119,7 +127,7 @@ pub(super) fn integrate(
     deadline: Option<Instant>,
     progress: &Progress,
 ) -> Option<u32> {
-    let sampler = Sampler::new(function, options, factors, adaptive.most_runs, pass);
+    let sampler = Sampler::new(function, options, factors, adaptive, pass);
     let (width, height) = film.size();
     let grid = block::grid(film.window(), Window::whole(width, height));
     match adaptive.goal {
@@ -137,7 +145,7 @@ pub(super) fn integrate(
             done?.iter().for_each(|block| block.store(film));
             Some(0)
         }
-        Goal::Within(_) | Goal::Until(_) | Goal::Passes(_) => {
+        Goal::Within(_) | Goal::Until(_) | Goal::Passes(_) | Goal::Mean(_) => {
             let blocks = grid.iter().map(|&window| Block::new(window, pass.lines)).collect();
             Passes { blocks, sampler, goal: adaptive.goal, deadline, progress }.run(film)
         }
@@ -172,14 +180,8 @@ impl<F: ImageFunction> Passes<'_, F> {
         let mut passes = 0;
         while passes < Self::LAST {
             let rule = Self::rule(passes);
-            if let (Some(deadline), true) = (self.deadline, passes > 0) {
-                let next: u64 = self.blocks.par_iter().map(|b| b.samples_wanted(&self.sampler, &rule)).sum();
-                #[allow(clippy::cast_precision_loss, reason = "counts of samples")]
-                let expected_s = started.elapsed().as_secs_f64() * next as f64 / samples.max(1) as f64;
-                let left_s = deadline.saturating_duration_since(Instant::now()).as_secs_f64();
-                if left_s <= expected_s {
-                    break;
-                }
+            if passes > 0 && self.exceeds(&rule, samples, started) {
+                break;
             }
             let done: Option<Vec<u64>> =
                 self.blocks.par_iter_mut().map(|b| b.settle_and_count(&self.sampler, &rule, self.progress)).collect();
@@ -189,7 +191,7 @@ impl<F: ImageFunction> Passes<'_, F> {
             let enough = match self.goal {
                 Goal::Passes(asked) => passes >= asked,
                 Goal::Until(error) => passes > 2 && self.relative_error(film.window()) <= error,
-                Goal::Within(_) | Goal::Error(_) => false,
+                Goal::Within(_) | Goal::Mean(_) | Goal::Error(_) => false,
             };
             if enough || passes > 2 && self.blocks.iter().all(|b| b.is_exhausted(&self.sampler)) {
                 break;
@@ -199,6 +201,23 @@ impl<F: ImageFunction> Passes<'_, F> {
         self.progress.advance(self.blocks.iter().map(|b| b.pixels_in(window)).sum(), 0);
         self.blocks.iter().for_each(|block| block.store(film));
         Some(passes)
+    }
+
+    /// Whether `rule` asks for more than is left of the time or the runs, `samples` having been taken since `started`.
+    #[allow(clippy::cast_precision_loss, reason = "counts of samples")]
+    fn exceeds(&self, rule: &Rule, samples: u64, started: Instant) -> bool {
+        let next = || -> u64 { self.blocks.par_iter().map(|b| b.samples_wanted(&self.sampler, rule)).sum() };
+        match (self.deadline, self.goal) {
+            (Some(deadline), _) => {
+                let expected_s = started.elapsed().as_secs_f64() * next() as f64 / samples.max(1) as f64;
+                deadline.saturating_duration_since(Instant::now()).as_secs_f64() <= expected_s
+            }
+            (None, Goal::Mean(runs)) => {
+                let pixels: u64 = self.blocks.iter().map(Block::pixels).sum();
+                samples + next() > u64::from(runs) * pixels
+            }
+            _ => false,
+        }
     }
 
     /// As [`relative_error`], of the blocks.
