@@ -24,7 +24,8 @@ use crate::numeric::{self, ONE_MINUS};
 use crate::scene::{Scene, Stage};
 use glam::{Vec2, Vec3};
 
-/// Vertices that are no bounces, mirrors and glass, that one path may pass: enough for any real arrangement, and an end for two facing mirrors.
+/// Vertices that are no bounces, mirrors and glass, that one path may pass: enough for any real arrangement, and an end
+/// for two facing mirrors.
 const MOST_SPECULAR: u16 = 64;
 /// Indices of [`Factor::extra`] that the path tracer draws.
 const EXTRA_ALPHA: u16 = 0;

@@ -171,8 +171,8 @@ impl Block {
         let wants = |&index: &usize| {
             let pixel = &self.pixels[index];
             let asked = match rule {
-                // By its neighbours' variances alone: a pixel that had no say in its runs is not biased by them. Were its own
-                // counted, pixels that missed what is rare at first would be left as they are.
+                // By its neighbours' variances alone: were its own counted, pixels that missed what is rare at first would be
+                // left as they are.
                 Rule::Relative(_) => bounded(self.around(index, Own::Apart, |i| needed[i] * needed[i]).sqrt()),
                 _ => bounded(needed[index]).max(self.around(index, Own::Counted, |i| bounded(needed[i]))),
             };

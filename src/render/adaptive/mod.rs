@@ -8,8 +8,8 @@
 //!
 //! Where the picture as a whole is given its time, its runs or its error, a pixel has one sequence, and its quarters,
 //! each a design of its own, stand for replicates: their spread says where runs help, and no convergence is lost. It
-//! overstates the error by up to a third, since quarters stratify each other (§5.1): fit for deciding, and for a bound. A
-//! pixel's runs follow its neighbours' spreads, not its own, so that its mean is not biased by what it happened to meet.
+//! overstates the error, since quarters stratify each other (§5.1): fit for deciding, and for a bound. A pixel's runs
+//! follow its neighbours' spreads, not its own, so that what it happened to meet biases its mean little.
 //!
 //! Decisions are made within the blocks of the picture's 16 × 16 grid and see nothing outside, so that a picture is the
 //! same bit for bit however it is divided along that grid, and a crop is what the whole picture shows there.
