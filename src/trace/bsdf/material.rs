@@ -45,7 +45,6 @@ impl Materials {
         let any = |used: fn(&Material) -> bool| scene.materials.iter().any(used);
         albedo::prepare(albedo::Wanted {
             sheen: any(|m| m.sheen.is_some()),
-            anisotropy: any(|m| m.anisotropy.is_some()),
             coat: any(|m| m.clearcoat.is_some_and(|c| c.roughness > 0.0)),
         });
         let media: Vec<_> = scene.materials.iter().map(medium_of).collect();

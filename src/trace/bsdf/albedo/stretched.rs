@@ -2,59 +2,64 @@
 
 use super::super::ALPHA_SPECULAR;
 use super::super::ggx::Ggx;
-use super::{Axis, LEAST_COSINE, cell, in_parallel};
+use super::{Axis, LEAST_COSINE, cell};
 use glam::{Vec2, Vec3A};
+use std::f32::consts::FRAC_PI_2;
+use std::sync::OnceLock;
 
-/// A function of the view on stretched facets of widths α + (1 − α) s² and α, tabulated by cosine, azimuth, roughness and
-/// strength s of anisotropy.
+/// An albedo and a part's share of it by the view, on stretched facets of widths α + (1 − α) s² and α, tabulated by cosine,
+/// azimuth, roughness and strength s of anisotropy.
+///
+/// Each pair of roughness and strength is a slice of its own, made when a path first needs it: a material without textures
+/// asks for four.
 #[derive(Debug)]
-pub(super) struct Stretched(Vec<f32>);
+pub(super) struct Stretched {
+    /// Both, for facets and the view in their own basis.
+    means: Means,
+    /// What [`Means`] takes beside them.
+    eta: f32,
+    azimuths: usize,
+    slices: Box<[OnceLock<Box<[[f32; 2]]>>]>,
+}
+
+/// Albedo and share, by facets, view and the far side's index over that of the near side.
+type Means = fn(Ggx, Vec3A, f32) -> [f32; 2];
+
+const COSINES: usize = 32;
+const ROUGHNESSES: usize = 40;
+const STRENGTHS: usize = 24;
+
+/// What lies around a view: the cell of each slice, and the slices' own.
+struct Place {
+    cosine: (usize, f32),
+    azimuth: (usize, f32),
+    roughness: (usize, f32),
+    strength: (usize, f32),
+}
 
 impl Stretched {
-    const SIDES: [usize; 4] = [20, 14, 16, 9];
-
-    /// Where cosine `cos` lies for facets whose width the view meets as `met`: shadowing of what comes sets in below that
-    /// width, of what leaves, which the other width spreads, at any cosine; so the mean of both axes.
-    fn cosine_place(cos: f32, met: f32) -> f32 {
-        0.5 * (Axis::Shadowing.place(cos, met.sqrt()) + Axis::Root.place(cos, 0.0))
+    pub(super) fn new(azimuths: usize, eta: f32, means: Means) -> Self {
+        Self { means, eta, azimuths, slices: (0..ROUGHNESSES * STRENGTHS).map(|_| OnceLock::new()).collect() }
     }
 
-    /// The inverse of [`Stretched::cosine_place`], by bisection.
-    fn cosine(place: f32, met: f32) -> f32 {
-        let (mut low, mut high) = (0.0_f32, 1.0_f32);
-        for _ in 0..40 {
-            let middle = 0.5 * (low + high);
-            if Self::cosine_place(middle, met) < place { low = middle } else { high = middle }
-        }
-        high
-    }
-
-    /// Azimuths are spaced half-way between the direction itself and the facets' own view of it.
-    fn azimuth_scale(wide: f32, narrow: f32) -> f32 {
-        (narrow / wide).sqrt()
-    }
-
-    pub(super) fn build(value: impl Fn(Ggx, Vec3A) -> f32 + Sync) -> Self {
-        let [cosines, azimuths, roughnesses, strengths] = Self::SIDES;
-        let along = |i: usize, count: usize| i as f32 / (count - 1) as f32;
-        Self(in_parallel(cosines * azimuths * roughnesses * strengths, |i| {
-            let (cosine, i) = (i % cosines, i / cosines);
-            let (azimuth, i) = (i % azimuths, i / azimuths);
-            let (roughness, strength) = (i % roughnesses, i / roughnesses);
-            let (r, s) = (along(roughness, roughnesses).max(ALPHA_SPECULAR.sqrt()), along(strength, strengths));
+    fn slice(&self, roughness: usize, strength: usize) -> &[[f32; 2]] {
+        self.slices[strength * ROUGHNESSES + roughness].get_or_init(|| {
+            let along = |i: usize, count: usize| i as f32 / (count - 1) as f32;
+            let (r, s) = (along(roughness, ROUGHNESSES).max(ALPHA_SPECULAR.sqrt()), along(strength, STRENGTHS));
             let narrow = r * r;
-            let wide = narrow + (1.0 - narrow) * s * s;
-            let ggx = Ggx { alpha: Vec2::new(wide, narrow) };
-            let (sin, cos) = crate::numeric::sin_cos(along(azimuth, azimuths) * std::f32::consts::FRAC_PI_2);
-            let direction = Vec2::new(cos * Self::azimuth_scale(wide, narrow), sin).normalize();
-            let cos = Self::cosine(along(cosine, cosines), (direction * ggx.alpha).length()).clamp(LEAST_COSINE, 1.0);
-            let side = (1.0 - cos * cos).max(0.0).sqrt();
-            value(ggx, Vec3A::new(direction.x * side, direction.y * side, cos))
-        }))
+            let ggx = Ggx { alpha: Vec2::new(narrow + (1.0 - narrow) * s * s, narrow) };
+            let entry = |i: usize| {
+                let direction = direction(along(i / COSINES, self.azimuths), ggx.alpha);
+                let cos = cosine(along(i % COSINES, COSINES), (direction * ggx.alpha).length());
+                let cos = cos.clamp(LEAST_COSINE, 1.0);
+                let side = (1.0 - cos * cos).max(0.0).sqrt();
+                (self.means)(ggx, Vec3A::new(direction.x * side, direction.y * side, cos), self.eta)
+            };
+            (0..COSINES * self.azimuths).map(entry).collect()
+        })
     }
 
-    /// The sixteen entries around facets of widths `alpha` as seen from `o` in their own basis, with their weights.
-    fn around(&self, alpha: Vec2, o: Vec3A) -> impl Iterator<Item = (f32, f32)> {
+    fn place(&self, alpha: Vec2, o: Vec3A) -> Place {
         let (alpha, side) = if alpha.x >= alpha.y {
             (alpha, Vec2::new(o.x, o.y))
         } else {
@@ -62,33 +67,85 @@ impl Stretched {
         };
         let direction = side.abs().try_normalize().unwrap_or(Vec2::X);
         let met = (direction * alpha).length();
-        let azimuth = libm::atan2f(direction.y, direction.x / Self::azimuth_scale(alpha.x, alpha.y));
-        let places = [
-            Self::cosine_place(o.z.clamp(0.0, 1.0), met),
-            azimuth / std::f32::consts::FRAC_PI_2,
-            alpha.y.sqrt(),
-            if alpha.y < 1.0 { ((alpha.x - alpha.y) / (1.0 - alpha.y)).sqrt() } else { 0.0 },
-        ];
-        let cells: [(usize, f32); 4] = std::array::from_fn(|i| cell(places[i].clamp(0.0, 1.0), Self::SIDES[i]));
-        (0..16_usize).map(move |corner| {
-            let (mut index, mut weight) = (0, 1.0);
-            for axis in (0..4).rev() {
-                let upper = corner >> axis & 1;
-                let (below, x) = cells[axis];
-                index = index * Self::SIDES[axis] + below + upper;
-                weight *= if upper == 1 { x } else { 1.0 - x };
-            }
-            (self.0[index], weight)
-        })
+        let strength = if alpha.y < 1.0 { ((alpha.x - alpha.y) / (1.0 - alpha.y)).sqrt() } else { 0.0 };
+        let within = |x: f32, count: usize| cell(x.clamp(0.0, 1.0), count);
+        Place {
+            cosine: within(cosine_place(o.z.clamp(0.0, 1.0), met), COSINES),
+            azimuth: within(azimuth_place(direction, alpha), self.azimuths),
+            roughness: within(alpha.y.sqrt(), ROUGHNESSES),
+            strength: within(strength, STRENGTHS),
+        }
     }
 
-    /// Interpolated in all four.
-    pub(super) fn at(&self, alpha: Vec2, o: Vec3A) -> f32 {
-        self.around(alpha, o).map(|(value, weight)| value * weight).sum()
+    /// Albedo and share for facets of widths `alpha` as seen from `o` in their own basis, interpolated in all four axes.
+    pub(super) fn at(&self, alpha: Vec2, o: Vec3A) -> [f32; 2] {
+        let place = self.place(alpha, o);
+        [0, 1].map(|part| self.read(&place, |values| values[part], mix))
     }
 
-    /// The greatest entry around.
-    pub(super) fn most_at(&self, alpha: Vec2, o: Vec3A) -> f32 {
-        self.around(alpha, o).fold(0.0, |most, (value, weight)| if weight > 0.0 { value.max(most) } else { most })
+    /// The same, but the greater albedo of the azimuths around.
+    pub(super) fn most_at(&self, alpha: Vec2, o: Vec3A) -> [f32; 2] {
+        let place = self.place(alpha, o);
+        let most = self.read(&place, |values| values[0], |below, above, _| below.max(above));
+        [most, self.read(&place, |values| values[1], mix)]
     }
+
+    fn read(&self, place: &Place, part: impl Fn(&[f32; 2]) -> f32, between: impl Fn(f32, f32, f32) -> f32) -> f32 {
+        let ((cosine, c), (azimuth, a)) = (place.cosine, place.azimuth);
+        let ((row, r), (column, s)) = (place.roughness, place.strength);
+        let slice = |roughness: usize, strength: usize| {
+            let values = self.slice(roughness, strength);
+            let at = |azimuth: usize| {
+                let i = azimuth * COSINES + cosine;
+                mix(part(&values[i]), part(&values[i + 1]), c)
+            };
+            between(at(azimuth), at(azimuth + 1), a)
+        };
+        let rows = |column: usize| mix(slice(row, column), slice(row + 1, column), r);
+        mix(rows(column), rows(column + 1), s)
+    }
+}
+
+fn mix(a: f32, b: f32, t: f32) -> f32 {
+    a * (1.0 - t) + b * t
+}
+
+/// Where cosine `cos` lies for facets whose width the view meets as `met`: shadowing of what comes sets in below that
+/// width, of what leaves, which the other width spreads, at any cosine; so the mean of both axes.
+fn cosine_place(cos: f32, met: f32) -> f32 {
+    0.5 * (Axis::Shadowing.place(cos, met.sqrt()) + Axis::Root.place(cos, 0.0))
+}
+
+/// Where the azimuth of `direction`, in the first quadrant, lies: facets see it turned by (α_y / α_x)½ and more, while the
+/// surface below them, which they shadow, sees it as it is; so the mean of both angles.
+fn azimuth_place(direction: Vec2, alpha: Vec2) -> f32 {
+    let turned = libm::atan2f(direction.y, direction.x * (alpha.x / alpha.y).sqrt());
+    (turned + libm::atan2f(direction.y, direction.x)) / (2.0 * FRAC_PI_2)
+}
+
+/// The inverse of [`cosine_place`].
+fn cosine(place: f32, met: f32) -> f32 {
+    inverse(place, (0.0, 1.0), |cos| cosine_place(cos, met))
+}
+
+/// The inverse of [`azimuth_place`].
+fn direction(place: f32, alpha: Vec2) -> Vec2 {
+    if place <= 0.0 {
+        return Vec2::X;
+    }
+    if place >= 1.0 {
+        return Vec2::Y;
+    }
+    // The wanted tangents span many powers of two.
+    let of = |log: f32| Vec2::new(1.0, libm::exp2f(log)).normalize();
+    of(inverse(place, (-30.0, 30.0), |log| azimuth_place(of(log), alpha)))
+}
+
+/// The argument in `range` for which the rising function `f` is `value`, by bisection.
+fn inverse(value: f32, (mut low, mut high): (f32, f32), f: impl Fn(f32) -> f32) -> f32 {
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if f(middle) < value { low = middle } else { high = middle }
+    }
+    high
 }

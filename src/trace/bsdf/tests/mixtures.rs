@@ -116,7 +116,8 @@ fn evaluation_integrates_to_what_sampling_returns() {
     println!("sampled against evaluated: at most {worst} apart");
 }
 
-/// Rough bodies whose facets are stretched, seen from all around, from outside and inside.
+/// Rough bodies whose facets are stretched, seen from all around, from outside and inside: at most 1 + 1e-3 comes back, and
+/// no less than nine tenths.
 #[test]
 fn anisotropic_glass_never_gains() {
     let mut bad = false;
@@ -137,15 +138,11 @@ fn anisotropic_glass_never_gains() {
                         p.alpha = Vec2::new(alpha + (1.0 - alpha) * strength * strength, alpha);
                         p.boundary = Some(Boundary { eta, glass: Some(&glass) });
                         let a = furnace(&Bsdf::new(&p), N);
-                        // Ridges: from within they show total reflection on one side and none on the other.
-                        let ridged = strength > 0.9 && r < 0.1;
                         let place = format!("cosine {cos}, roughness {r}, strength {strength}, azimuth {turn}");
                         if a.min_element() < least.0 {
                             least = (a.min_element(), place.clone());
                         }
-                        if ridged {
-                            assert!(a.max_element() < 1.05, "{eta}, {place}: {a}");
-                        } else if a.max_element() > most.0 {
+                        if a.max_element() > most.0 {
                             most = (a.max_element(), place);
                         }
                     }
@@ -153,13 +150,12 @@ fn anisotropic_glass_never_gains() {
             }
         }
         println!("anisotropic glass {eta}: least {least:?}, most {most:?}");
-        bad |= most.0 > 1.0 + 1e-3;
+        bad |= most.0 > 1.0 + 1e-3 || least.0 < 0.9;
     }
     assert!(!bad);
 }
 
-/// Conductors seen from all around the stretched facets, not along them alone. At full strength, where smooth facets lie in
-/// ridges as wide as can be, they may lose a tenth.
+/// Conductors seen from all around the stretched facets, not along them alone.
 #[test]
 fn anisotropic_conductors_reflect_everything_from_all_around() {
     for azimuth in 0..9_u8 {
@@ -167,7 +163,7 @@ fn anisotropic_conductors_reflect_everything_from_all_around() {
         for strength in [0.3_f32, 1.0] {
             white(
                 &format!("anisotropic conductor at {turn:.2}, strength {strength}"),
-                if strength < 1.0 { 0.02 } else { 0.1 },
+                0.02,
                 |p, r| {
                     let side = (1.0 - p.wo.z * p.wo.z).max(0.0).sqrt();
                     p.wo = Vec3A::new(side * turn.cos(), side * turn.sin(), p.wo.z);
