@@ -152,11 +152,12 @@ fn view(cos: f32) -> Vec3A {
     Vec3A::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos)
 }
 
-/// Albedos of facets that reflect everything, and that reflect Schlick's weight, as means over visible `normals`.
-fn mirror_means(ggx: Ggx, wo: Vec3A, normals: impl ExactSizeIterator<Item = Vec3A>) -> (f32, f32) {
-    let count = normals.len() as f64;
+/// Albedos of facets that reflect everything, and that reflect Schlick's weight, as means over visible normals at `points`.
+fn mirror_means(ggx: Ggx, wo: Vec3A, points: &[(Vec2, f32)]) -> (f32, f32) {
+    let count = points.len() as f64;
     let (mut mirror, mut schlick) = (0.0_f64, 0.0_f64);
-    for h in normals {
+    for &(azimuth, v) in points {
+        let h = ggx.visible_normal_around(wo, azimuth, v);
         let wi = reflect(wo, h);
         if wi.z > 0.0 {
             let kept = f64::from(ggx.shadowing(wo, wi));
@@ -170,7 +171,7 @@ fn mirror_means(ggx: Ggx, wo: Vec3A, normals: impl ExactSizeIterator<Item = Vec3
 /// The same of round facets.
 fn ggx_means(cos: f32, roughness: f32, points: &[(Vec2, f32)]) -> (f32, f32) {
     let (ggx, wo) = (Ggx { alpha: Vec2::splat(roughness * roughness) }, view(cos));
-    mirror_means(ggx, wo, points.iter().map(|&(azimuth, v)| ggx.visible_normal_around(wo, azimuth, v)))
+    mirror_means(ggx, wo, points)
 }
 
 static MIRROR: LazyLock<Table> = LazyLock::new(|| {
@@ -187,6 +188,7 @@ static SCHLICK: LazyLock<Table> = LazyLock::new(|| {
 });
 /// Points of the lattice for each entry of a [`Stretched`], and azimuths of one for mirrors and for glass.
 const STRETCHED_POINTS: u32 = 512;
+static STRETCHED_LATTICE: LazyLock<Vec<(Vec2, f32)>> = LazyLock::new(|| circle_lattice(STRETCHED_POINTS));
 const MIRROR_AZIMUTHS: usize = 32;
 const GLASS_AZIMUTHS: usize = 64;
 /// How often reflection and transmission are drawn on stretched glass at least.
@@ -195,8 +197,7 @@ const LEAST_SHARE: f32 = 0.02;
 /// Albedo of stretched mirror facets, and that of Schlick's weight relative to it.
 static ANISOTROPIC_MIRROR: LazyLock<Stretched> = LazyLock::new(|| {
     Stretched::new(MIRROR_AZIMUTHS, 1.0, |ggx, wo, _| {
-        let normals = (0..STRETCHED_POINTS).map(|i| ggx.visible_normal(wo, lattice(i, STRETCHED_POINTS)));
-        let (mirror, schlick) = mirror_means(ggx, wo, normals);
+        let (mirror, schlick) = mirror_means(ggx, wo, &STRETCHED_LATTICE);
         [mirror, schlick / mirror]
     })
 });
@@ -364,14 +365,15 @@ impl Glass {
     pub(super) fn new(eta: f32) -> Self {
         let share = |(r, t): (f32, f32)| if r + t > 0.0 { r / (r + t) } else { 1.0 };
         let round = |r: f32| Ggx { alpha: Vec2::splat(r * r) };
+        let (many, few) = (circle_lattice(512), circle_lattice(128));
         Self {
             eta,
             total: Table::build(Axis::Shadowing, (40, 24), |cos, r| {
-                let (reflected, transmitted) = glass_mean(round(r), view(cos), eta, 512);
+                let (reflected, transmitted) = glass_mean(round(r), view(cos), eta, &many);
                 reflected + transmitted
             }),
             // The share only decides how often either is sampled.
-            reflected: Table::build(Axis::Root, (16, 12), |cos, r| share(glass_mean(round(r), view(cos), eta, 128))),
+            reflected: Table::build(Axis::Root, (16, 12), |cos, r| share(glass_mean(round(r), view(cos), eta, &few))),
             stretched: OnceLock::new(),
         }
     }
@@ -387,7 +389,7 @@ impl Glass {
         } else {
             let table = self.stretched.get_or_init(|| {
                 Stretched::new(GLASS_AZIMUTHS, self.eta, |ggx, wo, eta| {
-                    let (reflected, transmitted) = glass_mean(ggx, wo, eta, STRETCHED_POINTS);
+                    let (reflected, transmitted) = glass_mean(ggx, wo, eta, &STRETCHED_LATTICE);
                     let total = reflected + transmitted;
                     [total, if total > 0.0 { reflected / total } else { 1.0 }]
                 })
@@ -401,10 +403,12 @@ impl Glass {
     }
 }
 
-fn glass_mean(ggx: Ggx, wo: Vec3A, eta: f32, points: u32) -> (f32, f32) {
+/// What a rough boundary reflects and transmits, as means over visible normals at `points`.
+fn glass_mean(ggx: Ggx, wo: Vec3A, eta: f32, points: &[(Vec2, f32)]) -> (f32, f32) {
+    let count = points.len() as f64;
     let (mut reflected, mut transmitted) = (0.0_f64, 0.0_f64);
-    for i in 0..points {
-        let h = ggx.visible_normal(wo, lattice(i, points));
+    for &(azimuth, v) in points {
+        let h = ggx.visible_normal_around(wo, azimuth, v);
         let f = dielectric(wo.dot(h), eta);
         let r = reflect(wo, h);
         if r.z > 0.0 {
@@ -416,7 +420,7 @@ fn glass_mean(ggx: Ggx, wo: Vec3A, eta: f32, points: u32) -> (f32, f32) {
             transmitted += f64::from((1.0 - f) * ggx.shadowing(wo, t));
         }
     }
-    ((reflected / f64::from(points)) as f32, (transmitted / f64::from(points)) as f32)
+    ((reflected / count) as f32, (transmitted / count) as f32)
 }
 
 #[cfg(test)]

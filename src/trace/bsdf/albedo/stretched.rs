@@ -48,14 +48,17 @@ impl Stretched {
             let (r, s) = (along(roughness, ROUGHNESSES).max(ALPHA_SPECULAR.sqrt()), along(strength, STRENGTHS));
             let narrow = r * r;
             let ggx = Ggx { alpha: Vec2::new(narrow + (1.0 - narrow) * s * s, narrow) };
-            let entry = |i: usize| {
-                let direction = direction(along(i / COSINES, self.azimuths), ggx.alpha);
-                let cos = cosine(along(i % COSINES, COSINES), (direction * ggx.alpha).length());
-                let cos = cos.clamp(LEAST_COSINE, 1.0);
-                let side = (1.0 - cos * cos).max(0.0).sqrt();
-                (self.means)(ggx, Vec3A::new(direction.x * side, direction.y * side, cos), self.eta)
-            };
-            (0..COSINES * self.azimuths).map(entry).collect()
+            let mut values = Vec::with_capacity(COSINES * self.azimuths);
+            for azimuth in 0..self.azimuths {
+                let direction = direction(along(azimuth, self.azimuths), ggx.alpha);
+                let met = (direction * ggx.alpha).length();
+                values.extend((0..COSINES).map(|i| {
+                    let cos = cosine(along(i, COSINES), met).clamp(LEAST_COSINE, 1.0);
+                    let side = (1.0 - cos * cos).max(0.0).sqrt();
+                    (self.means)(ggx, Vec3A::new(direction.x * side, direction.y * side, cos), self.eta)
+                }));
+            }
+            values.into()
         })
     }
 

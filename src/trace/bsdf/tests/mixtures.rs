@@ -161,17 +161,13 @@ fn anisotropic_conductors_reflect_everything_from_all_around() {
     for azimuth in 0..9_u8 {
         let turn = f32::from(azimuth) * std::f32::consts::FRAC_PI_8;
         for strength in [0.3_f32, 1.0] {
-            white(
-                &format!("anisotropic conductor at {turn:.2}, strength {strength}"),
-                0.02,
-                |p, r| {
-                    let side = (1.0 - p.wo.z * p.wo.z).max(0.0).sqrt();
-                    p.wo = Vec3A::new(side * turn.cos(), side * turn.sin(), p.wo.z);
-                    p.metallic = 1.0;
-                    let alpha = r * r;
-                    p.alpha = Vec2::new(alpha + (1.0 - alpha) * strength * strength, alpha);
-                },
-            );
+            white(&format!("anisotropic conductor at {turn:.2}, strength {strength}"), 0.02, |p, r| {
+                let side = (1.0 - p.wo.z * p.wo.z).max(0.0).sqrt();
+                p.wo = Vec3A::new(side * turn.cos(), side * turn.sin(), p.wo.z);
+                p.metallic = 1.0;
+                let alpha = r * r;
+                p.alpha = Vec2::new(alpha + (1.0 - alpha) * strength * strength, alpha);
+            });
         }
     }
 }
