@@ -142,6 +142,7 @@ impl Subject<'_> {
     /// If the settings do not fit the scene.
     pub fn render(&self, contender: Contender, runs: u32, seed: u64) -> Result<Rendered> {
         let mut settings = self.settings.clone();
+        settings.adaptive = None;
         let sampling = &mut settings.sampling;
         (sampling.kind, sampling.dither, sampling.runs, sampling.seed) =
             (contender.design, contender.dither, runs, seed);
