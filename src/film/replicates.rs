@@ -1,16 +1,16 @@
-//! Independent replicates of a pixel's design: the spread of their means is an honest estimate of the error of the whole.
+//! Replicates of a pixel's design: the spread of their means is an estimate of the error of the whole.
 //!
 //! Runs within one stratified design are not independent, so the s²/n of equation 10 (Mitchell 1990, §5.1) overstates its
-//! variance. Whole designs with randomisations of their own are independent: the variance of their means divided by
-//! their number estimates the variance of the pixel without bias, and equation 12 with Student's t of one degree of
-//! freedom fewer than replicates gives its interval. Each replicate grows as the prefix of a nested design, so that
-//! it keeps the design's convergence.
+//! variance. Of whole designs with randomisations of their own the variance of the means, divided by
+//! their number, estimates the variance of the pixel without bias, and equation 12 with Student's t of one degree of
+//! freedom fewer than replicates gives its interval. The quarters of one sequence, which stratify each other a little, may
+//! stand for them where the rest of the overstatement is measured.
 
 use super::accumulate::{Part, PixelAccumulator, PixelEstimate};
 use glam::{DVec3, Vec3};
 
 /// Replicates a pixel: the fewest whose interval is usable (Student's t of 3 degrees of freedom is 3.18, of 1 it is
-/// 12.7); more cost convergence, since each is a smaller design.
+/// 12.7); more overstate the more, since each is a smaller design.
 pub const REPLICATES: usize = 4;
 
 /// The 97.5 % point of Student's t with 3 degrees of freedom, to the precision that is used.

@@ -3,7 +3,7 @@
 //! - Seconds, rays and samples that a fixed number of runs takes to the same relMSE, FLIP or RMSE, read off its measured curve (straight
 //!   between measurements in both logarithms, continued beyond them), over those that adaptive sampling took.
 //! - Coverage: the share of values (pixels times channels) whose 95 % interval, equation 12 of Mitchell (1990, §5.1)
-//!   over the pixel's replicates, holds the reference. Values that have no spread and equal the reference to the
+//!   over the pixel's quarters, holds the reference. Values that have no spread and equal the reference to the
 //!   precision of `f32` are constant there; they are counted apart, since an interval of no width is right trivially.
 //!   The reference's own error widens the interval: by √(1 + n/m) where the pixel has n runs and the reference m.
 

@@ -1,10 +1,10 @@
 //! The pixels that decide together when to stop: those of one block of the picture's 16 × 16 grid.
 
 use super::LEAST_RUNS;
-use super::sampler::Sampler;
+use super::sampler::{QUARTERS, Sampler};
 use super::visibility::{DARK, Visibility, relative_square};
 use crate::film::blocks::Blocks;
-use crate::film::{Film, Lines, PixelAccumulator, PixelEstimate, REPLICATES, Replicates, STUDENT_T, Window};
+use crate::film::{Film, Lines, PixelAccumulator, PixelEstimate, Replicates, STUDENT_T, Window};
 use crate::render::Progress;
 use crate::trace::ImageFunction;
 
@@ -69,18 +69,50 @@ enum Own {
 #[derive(Debug, Clone, Copy, Default)]
 struct Pixel {
     sums: Replicates,
+    /// Those of another sequence, in pixels that have one.
+    twin: Option<Replicates>,
+    /// Both together; the variance as the quarters' spread tells it.
     estimate: PixelEstimate,
-    /// Runs of each replicate so far.
+    /// Runs of each quarter so far.
     runs: u32,
 }
 
 impl Pixel {
     fn all_runs(&self) -> u32 {
-        #[allow(clippy::cast_possible_truncation, reason = "four")]
-        let replicates = REPLICATES as u32;
-        self.runs * replicates
+        self.runs * QUARTERS * if self.twin.is_some() { 2 } else { 1 }
+    }
+
+    /// What its sequences show together.
+    fn estimated(&self) -> PixelEstimate {
+        let one = self.sums.estimate();
+        let Some(two) = self.twin.map(|twin| twin.estimate()) else { return one };
+        let rejected = one.rejected + two.rejected;
+        match (one.runs, two.runs) {
+            (_, 0) => PixelEstimate { rejected, ..one },
+            (0, _) => PixelEstimate { rejected, ..two },
+            _ => PixelEstimate {
+                radiance: 0.5 * (one.radiance + two.radiance),
+                variance: 0.25 * (one.variance + two.variance),
+                runs: one.runs + two.runs,
+                rejected,
+            },
+        }
+    }
+
+    /// Squared relative error of one sequence: by the difference of two, and by the spread of their quarters.
+    fn both_ways(&self) -> Option<(f64, f64)> {
+        let (one, two) = (self.sums.estimate(), self.twin?.estimate());
+        let difference = one.radiance - two.radiance;
+        let together = |variance| relative_square(&PixelEstimate { variance, ..self.estimate });
+        let ways = (together(0.5 * difference * difference), together(0.5 * (one.variance + two.variance)));
+        (one.runs > 0 && two.runs > 0 && ways.0.is_finite() && ways.1.is_finite()).then_some(ways)
     }
 }
+
+/// A sequence's variance over what the spread of its quarters tells is asked of twins. So many more are taken to have shown
+/// this, the middle of what animations show (0.5 to 0.9), lest a few lucky twins stop a block.
+const USUAL: f64 = 0.7;
+const USUAL_TWINS: f64 = 8.0;
 
 /// One block, as far as it is.
 #[derive(Debug)]
@@ -88,13 +120,44 @@ pub(super) struct Block {
     window: Window,
     rows: Vec<u32>,
     pixels: Vec<Pixel>,
+    /// Variance over the spread of quarters.
+    calibration: f64,
 }
 
 impl Block {
-    pub(super) fn new(window: Window, lines: Lines) -> Self {
+    /// With `twins`, one pixel of every four has two independent sequences of half as many runs.
+    pub(super) fn new(window: Window, lines: Lines, twins: bool) -> Self {
         let rows: Vec<u32> = (window.y..window.y + window.height).filter(|&y| lines.holds(y)).collect();
-        let pixels = vec![Pixel::default(); rows.len() * window.width as usize];
-        Self { window, rows, pixels }
+        let width = window.width as usize;
+        let pixel = |index: usize| Pixel {
+            twin: (twins && (index % width) % 2 == 0 && (index / width) % 2 == 0).then(Replicates::default),
+            ..Pixel::default()
+        };
+        let pixels = (0..rows.len() * width).map(pixel).collect();
+        Self { window, rows, pixels, calibration: 1.0 }
+    }
+
+    /// Sets the calibration by what twins tell: the ratio of both ways' sums, every twin weighing about alike.
+    fn calibrate(&mut self) {
+        let twins: Vec<(f64, f64)> = self.pixels.iter().filter_map(Pixel::both_ways).collect();
+        if !self.pixels.iter().any(|pixel| pixel.twin.is_some()) {
+            return;
+        }
+        let usual = twins.iter().map(|twin| twin.1).sum::<f64>() / twins.len().max(1) as f64;
+        let (mut differences, mut spreads) = (USUAL * USUAL_TWINS, USUAL_TWINS);
+        for (difference, spread) in twins {
+            let weight = 2.0 / (spread + usual).max(f64::MIN_POSITIVE);
+            differences += difference * weight;
+            spreads += spread * weight;
+        }
+        self.calibration = differences / spreads;
+    }
+
+    /// The pixel's estimate, its variance calibrated.
+    fn estimate(&self, pixel: &Pixel) -> PixelEstimate {
+        #[allow(clippy::cast_possible_truncation, reason = "a variance is f32")]
+        let calibration = self.calibration as f32;
+        PixelEstimate { variance: pixel.estimate.variance * calibration, ..pixel.estimate }
     }
 
     /// Samples until nothing is wanted any more; samples taken, or `None` if cancelled.
@@ -110,6 +173,7 @@ impl Block {
             if progress.is_cancelled() {
                 return None;
             }
+            self.calibrate();
             let wanted = self.wanted(sampler.most(), rule);
             if wanted.is_empty() {
                 return Some(samples);
@@ -140,7 +204,7 @@ impl Block {
 
     /// Whether no pixel may have more runs.
     pub(super) fn is_exhausted<F: ImageFunction>(&self, sampler: &Sampler<'_, F>) -> bool {
-        self.pixels.iter().all(|pixel| pixel.runs >= sampler.most())
+        self.pixels.iter().all(|pixel| pixel.all_runs() >= QUARTERS * sampler.most())
     }
 
     /// Twice as many runs for a pixel; samples taken.
@@ -155,19 +219,23 @@ impl Block {
         let place = (self.window.x + (index % width) as u32, self.rows[index / width]);
         let pixel = &mut self.pixels[index];
         let to = (2 * pixel.runs).max(1);
-        sampler.add(place, (pixel.runs, to), &mut pixel.sums, scratch);
+        sampler.add(0, place, (pixel.runs, to), &mut pixel.sums, scratch);
+        if let Some(twin) = &mut pixel.twin {
+            sampler.add(1, place, (pixel.runs, to), twin, scratch);
+        }
         let before = pixel.all_runs();
         pixel.runs = to;
-        pixel.estimate = pixel.sums.estimate();
+        pixel.estimate = pixel.estimated();
         u64::from(pixel.all_runs() - before)
     }
 
     /// Pixels with fewer runs than they are to have.
     fn wanted(&self, most: u32, rule: &Rule) -> Vec<usize> {
         let least = f64::from(if let Rule::Runs(asked) = rule { *asked } else { LEAST_RUNS });
-        let most_runs = f64::from(most) * REPLICATES as f64;
+        let most_runs = f64::from(most * QUARTERS);
         let bounded = |runs: f64| runs.max(least).min(most_runs);
-        let needed: Vec<f64> = self.pixels.iter().map(|p| rule.needed(&p.estimate, f64::from(p.all_runs()))).collect();
+        let needed: Vec<f64> =
+            self.pixels.iter().map(|p| rule.needed(&self.estimate(p), f64::from(p.all_runs()))).collect();
         let wants = |&index: &usize| {
             let pixel = &self.pixels[index];
             let asked = match rule {
@@ -176,7 +244,7 @@ impl Block {
                 Rule::Relative(_) => bounded(self.around(index, Own::Apart, |i| needed[i] * needed[i]).sqrt()),
                 _ => bounded(needed[index]).max(self.around(index, Own::Counted, |i| bounded(needed[i]))),
             };
-            pixel.runs < most && f64::from(pixel.all_runs()) < asked
+            f64::from(pixel.all_runs()) < asked.min(most_runs)
         };
         (0..self.pixels.len()).filter(wants).collect()
     }
@@ -219,7 +287,7 @@ impl Block {
         let stored = film.pixels_mut();
         for ((x, y), pixel) in self.places().zip(&self.pixels) {
             if let Some(index) = window.index(x, y) {
-                stored[index] = pixel.estimate;
+                stored[index] = self.estimate(pixel);
             }
         }
     }
@@ -227,6 +295,6 @@ impl Block {
     /// Sum of squared relative errors over the pixels that `window` shows, and how many these are.
     pub(super) fn relative_squares(&self, window: Window) -> (f64, usize) {
         let shown = self.places().zip(&self.pixels).filter(|((x, y), _)| window.index(*x, *y).is_some());
-        shown.fold((0.0, 0), |(sum, n), (_, pixel)| (sum + relative_square(&pixel.estimate), n + 1))
+        shown.fold((0.0, 0), |(sum, n), (_, pixel)| (sum + relative_square(&self.estimate(pixel)), n + 1))
     }
 }

@@ -1,15 +1,19 @@
 //! Sampling that stops when a picture is accurate enough, or when its time is up (Mitchell 1990, §5.1; Lee, Redner and
 //! Uselton 1985).
 //!
-//! Where a pixel is held to its own interval, it has [`REPLICATES`] replicates of a Sobol sequence, each with a randomisation
-//! of its own. They grow together, 4, 8, 16, … runs each; their spread gives the pixel's standard error, and thereby the runs
-//! that it needs. A pixel goes on while it has fewer than that, or than it and its neighbours need on average. So a pixel
-//! that looks flat beside ones that vary goes on, and thin moving objects that the first runs missed are found.
+//! A pixel has one Sobol sequence, which grows to twice its runs, and twice again; its quarters, each a design of its own,
+//! stand for replicates. Their spread says where runs help, and no convergence is lost to replicates that know nothing of
+//! each other. But quarters stratify each other, so that their spread overstates the error of the whole (§5.1).
 //!
-//! Where the picture as a whole is given its time, its runs or its error, a pixel has one sequence, and its quarters,
-//! each a design of its own, stand for replicates: their spread says where runs help, and no convergence is lost. It
-//! overstates the error, since quarters stratify each other (§5.1): fit for deciding, and for a bound. A pixel's runs
-//! follow its neighbours' spreads, not its own, so that what it happened to meet biases its mean little.
+//! Where a pixel is held to its own interval, the overstatement is measured: one pixel of every four has two independent
+//! sequences, and the square of their difference, over a block's twins, says what the spread of quarters stands for
+//! there. So intervals rest on independent replicates, whose convergence is kept. A pixel gets the runs that its
+//! standard error asks for, or as many as it and its neighbours need on average: one that looks flat beside ones that
+//! vary goes on, and thin moving objects that the first runs missed are found.
+//!
+//! Where the picture as a whole is given its time, its runs or its error, the overstatement stays: fit for deciding, and
+//! for a bound. A pixel's runs follow its neighbours' spreads, not its own, so that what it happened to meet biases its
+//! mean little.
 //!
 //! Decisions are made within the blocks of the picture's 16 × 16 grid and see nothing outside, so that a picture is the
 //! same bit for bit however it is divided along that grid, and a crop is what the whole picture shows there.
@@ -136,7 +140,7 @@ pub(super) fn integrate(
             let done: Option<Vec<Block>> = grid
                 .par_iter()
                 .map(|&window| {
-                    let mut block = Block::new(window, pass.lines);
+                    let mut block = Block::new(window, pass.lines, true);
                     let samples = block.settle(&sampler, &rule, progress)?;
                     progress.advance(block.pixels_in(film.window()), samples);
                     Some(block)
@@ -146,7 +150,7 @@ pub(super) fn integrate(
             Some(0)
         }
         Goal::Within(_) | Goal::Until(_) | Goal::Passes(_) | Goal::Mean(_) => {
-            let blocks = grid.iter().map(|&window| Block::new(window, pass.lines)).collect();
+            let blocks = grid.iter().map(|&window| Block::new(window, pass.lines, false)).collect();
             Passes { blocks, sampler, goal: adaptive.goal, deadline, progress }.run(film)
         }
     }

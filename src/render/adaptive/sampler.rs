@@ -1,4 +1,4 @@
-//! Runs of a pixel's replicates, or of one design in quarters.
+//! Runs of a pixel's sequence, in quarters.
 
 use super::super::integrate::Pass;
 use super::{Adaptive, Goal};
@@ -9,23 +9,22 @@ use crate::trace::ImageFunction;
 use glam::Vec2;
 use std::ops::Range;
 
-/// Replicates, as a number of runs is counted.
+/// Quarters, as a number of runs is counted.
 #[allow(clippy::cast_possible_truncation, reason = "four")]
-const QUARTERS: u32 = REPLICATES as u32;
+pub(super) const QUARTERS: u32 = REPLICATES as u32;
 
-/// Draws runs of replicates.
+/// Draws runs of a sequence's quarters.
 pub(super) struct Sampler<'a, F: ImageFunction> {
     function: &'a F,
-    /// One for each replicate, or one whose quarters these are.
+    /// A sequence for every pixel, and another for [twins](super::block::Block::new) where pixels are held to intervals.
     designs: Vec<Design>,
     pass: &'a Pass<'a>,
     shutter: bool,
-    /// The most runs of a replicate: a power of two.
+    /// The most runs of a quarter: a power of two.
     most: u32,
 }
 
 impl<'a, F: ImageFunction> Sampler<'a, F> {
-    /// For `adaptive`: independent replicates where pixels are held to their own intervals, else quarters.
     pub(super) fn new(
         function: &'a F,
         options: &DesignOptions,
@@ -37,41 +36,38 @@ impl<'a, F: ImageFunction> Sampler<'a, F> {
         // Pixels stop at any power of two, and a Sobol sequence's beginnings are the best: relMSE of walker.glb, frame 9, at
         // 32 runs on average 5.9e-4, with the nested net of all 4096 runs 15e-4; forest.glb, frame 8, 54e-4 and 76e-4.
         let kind = if options.kind == Kind::Auto { Kind::Sobol } else { options.kind };
-        let design =
-            |seed, runs| Design::new(&DesignOptions { kind, dither: Dither::NONE, runs, seed, ..*options }, factors);
         // Seeds far from each other, and from that of a picture with a fixed number of runs.
-        let seed = |i: u32| mix64(mix64(options.seed) ^ u64::from(i));
-        let designs = if let Goal::Error(_) = adaptive.goal {
-            (1..=QUARTERS).map(|i| design(seed(i), most)).collect()
-        } else {
-            vec![design(seed(0), QUARTERS * most)]
+        let design = |sequence: u64| {
+            let seed = mix64(mix64(options.seed) ^ sequence);
+            Design::new(&DesignOptions { kind, dither: Dither::NONE, runs: QUARTERS * most, seed, ..*options }, factors)
         };
+        let sequences = if let Goal::Error(_) = adaptive.goal { 2 } else { 1 };
+        let designs = (0..sequences).map(design).collect();
         Self { function, designs, pass, shutter: factors.contains(&Factor::SHUTTER), most }
     }
 
-    /// The most runs of a replicate.
+    /// The most runs of a quarter.
     pub(super) fn most(&self) -> u32 {
         self.most
     }
 
-    /// Adds to `sums` the runs `from` to `to` of each of the pixel's replicates, `to` being twice `from`, or 1. `scratch` is
+    /// Grows the quarters of a pixel's `sequence` from `from` to `to` runs each, `to` being twice `from`, or 1. `scratch` is
     /// any accumulator.
     pub(super) fn add(
         &self,
+        sequence: usize,
         place: (u32, u32),
         (from, to): (u32, u32),
         sums: &mut Replicates,
         scratch: &mut PixelAccumulator,
     ) {
-        let quarters = self.designs.len() == 1;
-        if quarters && from > 0 {
+        if from > 0 {
             sums.halve();
         }
-        for (index, i) in (0..).zip(0..QUARTERS) {
-            let (design, runs) = if quarters { (0, i * to..(i + 1) * to) } else { (index, from..to) };
+        for (index, quarter) in (0..).zip(0..QUARTERS) {
             // The first half of a design that has grown to twice its runs is there.
-            if !quarters || from == 0 || i >= QUARTERS / 2 {
-                self.sample(&self.designs[design], place, runs, scratch);
+            if from == 0 || quarter >= QUARTERS / 2 {
+                self.sample(&self.designs[sequence], place, quarter * to..(quarter + 1) * to, scratch);
                 sums.absorb(index, scratch);
             }
         }
