@@ -130,7 +130,8 @@ impl Block {
         let rows: Vec<u32> = (window.y..window.y + window.height).filter(|&y| lines.holds(y)).collect();
         let width = window.width as usize;
         let pixel = |index: usize| Pixel {
-            twin: (twins && (index % width) % 2 == 0 && (index / width) % 2 == 0).then(Replicates::default),
+            twin: (twins && (index % width).is_multiple_of(2) && (index / width).is_multiple_of(2))
+                .then(Replicates::default),
             ..Pixel::default()
         };
         let pixels = (0..rows.len() * width).map(pixel).collect();

@@ -132,7 +132,6 @@ fn twins_tell_what_the_spread_of_quarters_stands_for() {
         square / pixels.iter().map(|(p, _)| f64::from(p.variance.x)).sum::<f64>()
     };
     let (held, loose) = (ratio(Goal::Error(0.04)), ratio(Goal::Passes(3)));
-    println!("squared error over variance: {held:.3} with twins, {loose:.3} without");
     assert!((held - 1.0).abs() < 1.0 / 6.0 && loose < 5.0 / 6.0, "{held} {loose}");
 }
 

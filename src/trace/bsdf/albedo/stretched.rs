@@ -19,11 +19,14 @@ pub(super) struct Stretched {
     /// What [`Means`] takes beside them.
     eta: f32,
     azimuths: usize,
-    slices: Box<[OnceLock<Box<[[f32; 2]]>>]>,
+    slices: Box<[OnceLock<Slice>]>,
 }
 
 /// Albedo and share, by facets, view and the far side's index over that of the near side.
 type Means = fn(Ggx, Vec3A, f32) -> [f32; 2];
+
+/// Both means by azimuth and cosine.
+type Slice = Box<[[f32; 2]]>;
 
 const COSINES: usize = 32;
 const ROUGHNESSES: usize = 40;
