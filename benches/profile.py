@@ -3,7 +3,7 @@
 
     cargo build --profile quick
     python benches/profile.py target/quick/graeco render animations/pool.glb --frames 10 --size 240x135 \
-        --bounces 4 --runs 32 --threads 1 -o /tmp/pool.exr
+        --bounces 4 --runs 32 --threads 1 -o pool.exr
 
 Runs the command under `perf record` (Debian: linux-perf) and attributes each sample to the innermost function of ours,
 inlined ones included. Needs debug information, which the profile `quick` has.
