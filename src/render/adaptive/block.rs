@@ -101,7 +101,8 @@ impl Pixel {
 
     /// Squared relative error of one sequence: by the difference of two, and by the spread of their quarters.
     fn both_ways(&self) -> Option<(f64, f64)> {
-        let (one, two) = (self.sums.estimate(), self.twin?.estimate());
+        let two = self.twin?.estimate();
+        let one = self.sums.estimate();
         let difference = one.radiance - two.radiance;
         let together = |variance| relative_square(&PixelEstimate { variance, ..self.estimate });
         let ways = (together(0.5 * difference * difference), together(0.5 * (one.variance + two.variance)));
@@ -140,10 +141,10 @@ impl Block {
 
     /// Sets the calibration by what twins tell: the ratio of both ways' sums, every twin weighing about alike.
     fn calibrate(&mut self) {
-        let twins: Vec<(f64, f64)> = self.pixels.iter().filter_map(Pixel::both_ways).collect();
         if !self.pixels.iter().any(|pixel| pixel.twin.is_some()) {
             return;
         }
+        let twins: Vec<(f64, f64)> = self.pixels.iter().filter_map(Pixel::both_ways).collect();
         let usual = twins.iter().map(|twin| twin.1).sum::<f64>() / twins.len().max(1) as f64;
         let (mut differences, mut spreads) = (USUAL * USUAL_TWINS, USUAL_TWINS);
         for (difference, spread) in twins {
