@@ -61,11 +61,16 @@ fn each_factor_alone_falls_in_every_stratum_once() {
         cases.push((Kind::Orthogonal, q * q, factors));
         cases.push((Kind::OrthogonalCorrelated, q * q, factors));
     }
+    for q in [3, 4, 5, 7, 9] {
+        cases.push((Kind::Orthogonal, q * q, 13));
+    }
     for q in [2, 3, 4, 5, 7, 8, 9] {
         cases.push((Kind::OrthogonalStrength3, q * q * q, u16::try_from(q + 1).unwrap()));
     }
     for n in [1, 2, 3, 6, 10, 33, 64] {
         cases.push((Kind::LatinSquare, n * n, 3));
+        // Padded factors too.
+        cases.push((Kind::LatinSquare, n * n, 13));
     }
     for (kind, runs, factors) in cases {
         let design = design(kind, runs, factors, 11);
@@ -194,7 +199,7 @@ fn further_vertices_and_extras_are_stratified_too() {
         let design = design(kind, runs, 7, 2);
         let pixel = design.pixel(at(4, 4, 4));
         assert!(once_each(strata(&pixel, Factor::extra(3), runs, runs)), "{kind}: extra");
-        if runs.is_power_of_two() {
+        if runs.is_power_of_two() || kind == Kind::OrthogonalCorrelated {
             for vertex in [4, 900] {
                 for factor in [Factor::light_u(vertex), Factor::light_v(vertex), Factor::lobe_u(vertex)] {
                     assert!(once_each(strata(&pixel, factor, runs, runs)), "{kind}: {factor:?}");

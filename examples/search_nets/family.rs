@@ -81,7 +81,7 @@ fn agreement(omega: f64, digits: usize) -> f64 {
 }
 
 impl Kernel {
-    /// For nets of 2^`bits` points; `dimensions` is 3 (film, time) or 5 (and a pair).
+    /// For nets of 2^`bits` points; `dimensions` is 2 (a pair), 3 (film, time) or 5 (and a pair).
     pub fn new(nature: Nature, dimensions: usize, bits: usize, random: &mut Random) -> Self {
         let levels = bits + 1;
         let mut sums = vec![0.0_f64; levels.pow(dimensions as u32)];

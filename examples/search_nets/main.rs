@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cargo run --profile quick --example search_nets -- [--seed S] [--sweeps K] [--from BITS] [--to BITS] [--starts N] \
-//!     [--symmetric P (percent)] [--balance 0|1] [--only strong|nested] > nets_data.rs
+//!     [--symmetric P (percent)] [--pairs P (percent)] [--balance 0|1] [--only strong|nested] > nets_data.rs
 //! ```
 //!
 //! Each committed set's comment has the options that give it.
@@ -37,8 +37,12 @@ type Split = (Vec<Vec<f64>>, Vec<(usize, (Vec<u32>, u32))>);
 /// Factors covered: film x y, shutter, lens u v, then light, lobe, light, lobe pairs.
 const FACTORS: usize = 13;
 
-/// Factors annealed together; the others join one by one, those before them staying as they are.
-const TOGETHER: usize = 7;
+/// Factors that every picture with all effects has; the light's pair is the last.
+const FIRST: usize = 7;
+
+/// Factors annealed together: those and the first lobe's pair; the others join pair by pair, those before them staying
+/// as they are.
+const TOGETHER: usize = 9;
 
 /// Proposals for one matrix before the next one's turn.
 const PROPOSALS: usize = 300;
@@ -65,11 +69,11 @@ struct Goal {
     weights: Vec<f64>,
 }
 
-/// Every set of `count` of the first seven factors, each in random order.
+/// Every set of `count` of the first factors, each in random order.
 fn every(count: usize, random: &mut Random) -> Vec<Vec<usize>> {
-    let sets = (0_u32..1 << TOGETHER).filter(|set| set.count_ones() as usize == count);
+    let sets = (0_u32..1 << FIRST).filter(|set| set.count_ones() as usize == count);
     sets.map(|set| {
-        let mut members: Vec<usize> = (0..TOGETHER).filter(|f| set >> f & 1 == 1).collect();
+        let mut members: Vec<usize> = (0..FIRST).filter(|f| set >> f & 1 == 1).collect();
         for i in 0..count {
             members.swap(i, i + random.below((count - i) as u32) as usize);
         }
@@ -80,10 +84,12 @@ fn every(count: usize, random: &mut Random) -> Vec<Vec<usize>> {
 
 impl Goal {
     /// What a camera makes of edges: film and time; the same with lens; with light. For a share of `symmetric` the same
-    /// with factors exchanged at random. Factors beyond the seventh meet the camera's and their vertex's own.
-    fn new(bits: usize, seed: u64, symmetric: f64) -> Self {
+    /// with factors exchanged at random. Factors beyond the seventh meet the camera's and their vertex's own. Each natural
+    /// pair by itself counts `pairs`: inside an object that stands still and is in focus nothing else varies.
+    fn new(bits: usize, seed: u64, symmetric: f64, pairs: f64) -> Self {
         let mut random = Random(seed ^ 0x66_616d);
-        let natures = [(Nature::Edge, 3), (Nature::Edge, 5), (Nature::Rough, 3), (Nature::Smooth, 5)];
+        let natures =
+            [(Nature::Edge, 3), (Nature::Edge, 5), (Nature::Rough, 3), (Nature::Smooth, 5), (Nature::Edge, 2)];
         let kernels = natures.map(|(nature, d)| Kernel::new(nature, d, bits, &mut random)).into();
         let mut goal = Self { kernels, terms: Vec::new(), weights: Vec::new() };
         let named = 1.0 - symmetric;
@@ -98,6 +104,9 @@ impl Goal {
             goal.add(1, vec![vec![0, 1, 2, pair, pair + 1]], 1.0);
             goal.add(1, vec![vec![pair - 2, pair - 1, 2, pair, pair + 1]], 1.0);
             goal.add(1, vec![vec![3, 4, 2, pair, pair + 1]], 0.5);
+        }
+        for pair in [3, 5, 7, 9, 11].into_iter().filter(|_| pairs > 0.0) {
+            goal.add(4, vec![vec![pair, pair + 1]], pairs);
         }
         goal
     }
@@ -305,11 +314,13 @@ impl<'a> Search<'a> {
         }
         self.matrices = best.1;
         self.zeros = self.matrices.iter().map(|m| leading_zeros(m)).collect();
-        for factor in TOGETHER..FACTORS {
+        for pair in (TOGETHER..FACTORS).step_by(2) {
             let few = (sweeps / 3).max(2);
             for sweep in 0..few {
                 let heat = 0.01 * libm::pow(0.005, sweep as f64 / few as f64);
-                value = self.turn(factor, factor + 1, heat);
+                for factor in [pair, pair + 1] {
+                    value = self.turn(factor, pair + 2, heat);
+                }
             }
         }
         eprintln!("  {TOGETHER} factors {:.4}, all {:.4}", best.0.exp(), value.exp());
@@ -331,11 +342,12 @@ fn option(name: &str, default: u64) -> u64 {
 fn main() {
     let (seed, sweeps) = (option("--seed", 1), option("--sweeps", 40) as usize);
     let (from, to) = (option("--from", 2) as usize, option("--to", 12) as usize);
-    let (starts, symmetric) = (option("--starts", 2), option("--symmetric", 35));
+    let (starts, symmetric, pairs) = (option("--starts", 2), option("--symmetric", 35), option("--pairs", 70));
     let only = word("--only");
     let balance = option("--balance", 0) as usize % BALANCES.len();
-    let settings =
-        format!("--seed {seed} --sweeps {sweeps} --starts {starts} --symmetric {symmetric} --balance {balance}");
+    let settings = format!(
+        "--seed {seed} --sweeps {sweeps} --starts {starts} --symmetric {symmetric} --pairs {pairs} --balance {balance}"
+    );
     println!("//! Generator matrices found by `examples/search_nets`, {FACTORS} factors a set.");
     println!();
     println!("/// Matrices of one set, one after the other.");
@@ -351,7 +363,7 @@ fn main() {
     ] {
         println!("\n/// {doc}\npub(crate) static {name}: &[Set] = &[");
         for bits in (from..=to).filter(|_| only.as_ref().is_none_or(|o| o.eq_ignore_ascii_case(name))) {
-            let goal = Goal::new(bits, seed, symmetric as f64 / 100.0);
+            let goal = Goal::new(bits, seed, symmetric as f64 / 100.0, pairs as f64 / 100.0);
             let prefixes = if mode == Mode::Strong { [1.0, 0.0, 0.0, 0.0, 0.0] } else { BALANCES[balance] };
             let mut best: Option<(f64, Vec<Vec<u16>>)> = None;
             for start in 0..starts {
