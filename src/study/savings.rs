@@ -3,7 +3,7 @@
 
 use super::cost::without::{Effect, Without};
 use crate::Result;
-use crate::render::{Forecast, Settings, Shot, Surroundings};
+use crate::render::{Forecast, Settings, Shot, Surroundings, Trial};
 use crate::scene::Scene;
 use serde::Serialize;
 
@@ -26,8 +26,11 @@ pub struct Saving {
 /// Blocks at least and at most.
 const BLOCKS: (f64, f64) = (12.0, 96.0);
 
-/// Each effect that the frame samples left out alone, then all of them together. `frame_s` is what the frame is expected
-/// to take; trying takes about `budget_s` seconds, and building the scene once for each.
+/// Each effect that the frame samples left out alone, then all of them together. `forecast` is what the frame is expected
+/// to take; trying takes about `budget_s` seconds, and building the scene twice for each.
+///
+/// The whole frame is tried between every two: a machine's speed wanders, and seconds are compared with those just
+/// before and after.
 ///
 /// # Errors
 /// If the settings do not fit the scene.
@@ -49,27 +52,34 @@ pub fn savings(
     }
     #[allow(clippy::cast_precision_loss, reason = "a few variants; samples far below 2^52")]
     let (tries, block_s) = (
-        (variants.len() + 1) as f64,
+        (2 * variants.len() + 1) as f64,
         forecast.render_s / forecast.samples.max(1) as f64 * f64::from(64 * settings.sampling.runs.min(64)),
     );
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 12 to 96")]
     let blocks = (budget_s / tries / (2.0 * block_s).max(1e-9)).clamp(BLOCKS.0, BLOCKS.1) as usize;
-    let whole = Shot::new(scene, settings, surroundings, "")?.trial(frame, blocks)?;
+    let mut shot = Shot::new(scene, settings, surroundings, "")?;
+    let mut before = shot.trial(frame, blocks)?;
     let one = |left_out: Vec<Effect>| {
         let rest = Without::new(scene, settings, surroundings, &left_out);
         let trial = Shot::new(&rest.scene, &rest.settings, &rest.surroundings, "")?.trial(frame, blocks)?;
-        // Blocks are few, but the same: their ratio is better known than either.
-        let scaled = |seconds: f64| seconds * forecast.render_s / whole.render_s.max(1e-12);
-        let frame_s = forecast.build_s + scaled(trial.render_s);
-        let at_same_error =
-            (whole.rel_mse > 0.0).then(|| forecast.build_s + scaled(trial.render_s) * trial.rel_mse / whole.rel_mse);
-        Ok(Saving {
-            without: left_out,
-            frame_s,
-            saves_s: forecast.seconds() - frame_s,
-            frame_s_at_same_error: at_same_error,
-            saves_s_at_same_error: at_same_error.map(|s| forecast.seconds() - s),
-        })
+        let after = shot.trial(frame, blocks)?;
+        let whole_s = 0.5 * (before.render_s + after.render_s);
+        before = after;
+        Ok(saving(left_out, forecast, (&trial, trial.render_s / whole_s.max(1e-12)), after.rel_mse))
     };
     variants.into_iter().map(one).collect()
+}
+
+/// What leaving out `without` saves where it takes `share` of the whole's seconds, whose relMSE is `rel_mse`: blocks are few,
+/// but the same, and their ratio is better known than either.
+fn saving(without: Vec<Effect>, forecast: &Forecast, (trial, share): (&Trial, f64), rel_mse: f64) -> Saving {
+    let frame_s = |factor: f64| forecast.build_s + forecast.render_s * share * factor;
+    let at_same_error = (rel_mse > 0.0).then(|| frame_s(trial.rel_mse / rel_mse));
+    Saving {
+        without,
+        frame_s: frame_s(1.0),
+        saves_s: forecast.seconds() - frame_s(1.0),
+        frame_s_at_same_error: at_same_error,
+        saves_s_at_same_error: at_same_error.map(|s| forecast.seconds() - s),
+    }
 }
