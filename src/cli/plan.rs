@@ -59,12 +59,13 @@ pub(crate) fn run(args: &PlanArgs) -> Result<String> {
     let (extents, first) = shot.forecast(args.frame, args.measure / 4.0)?;
     let frames = FrameList::of_animation(shot.span(), settings.rate);
     let times = if args.measure > 0.0 {
-        let mut times = estimate_sequence(&mut shot, first, frames.frames(), args.measure / 2.0)?;
+        let sequence = estimate_sequence(&mut shot, frames.frames(), args.measure / 2.0)?;
         // A machine's speed wanders from one second to the next: two looks at the frame, apart, are worth more than one.
-        times.frame = first.mean(shot.forecast(args.frame, args.measure / 4.0)?.1);
+        let frame = first.mean(shot.forecast(args.frame, args.measure / 4.0)?.1);
         drop(shot);
-        times.savings = savings(&scene, &settings, &surroundings, args.frame, &times.frame, args.measure / 2.0)?;
-        Some(times)
+        let savings = savings(&scene, &settings, &surroundings, args.frame, &frame, args.measure / 2.0)?;
+        let (measured, seconds) = sequence.unwrap_or((1, frame.seconds()));
+        Some(Times { frame, sequence: (frames.frames().len().max(1), seconds), measured, savings })
     } else {
         None
     };
@@ -80,12 +81,12 @@ pub(crate) fn run(args: &PlanArgs) -> Result<String> {
     })
 }
 
-/// Looks at frames spread over the animation.
-fn estimate_sequence(shot: &mut Shot<'_>, frame: Forecast, frames: &[i64], budget_s: f64) -> Result<Times> {
+/// Looks at frames spread over the animation: how many, and seconds for all of it. `None` where it has one frame alone.
+fn estimate_sequence(shot: &mut Shot<'_>, frames: &[i64], budget_s: f64) -> Result<Option<(usize, f64)>> {
     /// More do not sharpen the mean of what changes smoothly.
     const LOOKED_AT: usize = 5;
     if frames.len() <= 1 {
-        return Ok(Times { frame, sequence: (1, frame.seconds()), measured: 1, savings: Vec::new() });
+        return Ok(None);
     }
     let chosen = frames.len().min(LOOKED_AT);
     let mut sum = 0.0;
@@ -98,7 +99,7 @@ fn estimate_sequence(shot: &mut Shot<'_>, frame: Forecast, frames: &[i64], budge
     }
     #[allow(clippy::cast_precision_loss, reason = "at most 16 million frames")]
     let seconds = sum / chosen as f64 * frames.len() as f64;
-    Ok(Times { frame, sequence: (frames.len(), seconds), measured: chosen, savings: Vec::new() })
+    Ok(Some((chosen, seconds)))
 }
 
 /// Runs and the strata in which they fall, for one factor of one pixel: counted, not claimed.

@@ -338,7 +338,8 @@ impl Point<'_> {
             Method::Random | Method::Disk(_) => self.jitter(factor),
             Method::Jittered if factor == Factor::SHUTTER => self.stratum_of_its_own(factor, jittered_row(factor)),
             Method::LatinHypercube => self.stratum_of_its_own(factor, usize::from(column)),
-            Method::Array(method) if !method.array.runs().is_power_of_two() => {
+            // Of runs that are no power of two a part of a net has no stratum each.
+            Method::Array(_) if !self.pixel.design.runs.is_power_of_two() => {
                 self.stratum_of_its_own(factor, usize::MAX)
             }
             _ if factor.is_extra() => self.stratum_of_its_own(factor, usize::MAX),
@@ -392,8 +393,7 @@ impl Point<'_> {
         design.strata.point(stratum, self.jitter(factor))
     }
 
-    /// A factor of a further vertex: four factors share a net of their own, its runs shuffled against all others. (Where
-    /// runs are no power of two an array's are a Latin hypercube instead: a part of a net is none.)
+    /// A factor of a further vertex: four factors share a net of their own, its runs shuffled against all others.
     fn pad(&self, factor: Factor) -> u32 {
         let design = self.pixel.design;
         let index = factor.index();

@@ -27,4 +27,3 @@ pub use parts::{RunRange, Slice, Tile};
 pub use progress::Progress;
 pub use settings::{Scanning, Settings};
 pub use shot::{Frame, FrameCost, Shot, Surroundings, pictures};
-pub use trial::Trial;

@@ -3,7 +3,7 @@
 
 use super::cost::without::{Effect, Without};
 use crate::Result;
-use crate::render::{Forecast, Settings, Shot, Surroundings, Trial};
+use crate::render::{Forecast, Settings, Shot, Surroundings};
 use crate::scene::Scene;
 use serde::Serialize;
 
@@ -65,16 +65,17 @@ pub fn savings(
         let after = shot.trial(frame, blocks)?;
         let whole_s = 0.5 * (before.render_s + after.render_s);
         before = after;
-        Ok(saving(left_out, forecast, (&trial, trial.render_s / whole_s.max(1e-12)), after.rel_mse))
+        let error = (after.rel_mse > 0.0).then(|| trial.rel_mse / after.rel_mse);
+        Ok(saving(left_out, forecast, trial.render_s / whole_s.max(1e-12), error))
     };
     variants.into_iter().map(one).collect()
 }
 
-/// What leaving out `without` saves where it takes `share` of the whole's seconds, whose relMSE is `rel_mse`: blocks are few,
-/// but the same, and their ratio is better known than either.
-fn saving(without: Vec<Effect>, forecast: &Forecast, (trial, share): (&Trial, f64), rel_mse: f64) -> Saving {
+/// What leaving out `without` saves where it takes `share` of the whole's seconds and leaves `error` of its relMSE: blocks
+/// are few, but the same, and ratios are better known than what they are of.
+fn saving(without: Vec<Effect>, forecast: &Forecast, share: f64, error: Option<f64>) -> Saving {
     let frame_s = |factor: f64| forecast.build_s + forecast.render_s * share * factor;
-    let at_same_error = (rel_mse > 0.0).then(|| frame_s(trial.rel_mse / rel_mse));
+    let at_same_error = error.map(frame_s);
     Saving {
         without,
         frame_s: frame_s(1.0),
