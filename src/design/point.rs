@@ -20,6 +20,10 @@ const PAD: u8 = u8::MAX;
 /// Most columns of a net that are used; factors beyond are padded.
 const MOST_COLUMNS: usize = 24;
 
+/// The first of four columns of a net of which the first two and the last two were searched as pairs: the lens and the
+/// light. A vertex has two such pairs.
+const PAIRED: usize = 3;
+
 /// Uses of a pixel's key, kept apart.
 mod tag {
     pub(super) const SCRAMBLE: u64 = 0;
@@ -117,8 +121,10 @@ impl Design {
             Method::Jittered => active.last().map_or(0, |f| jittered_row(*f) + 1),
             _ => 0,
         };
-        let pad = nets::nested(bits)
-            .map_or_else(|| nets::sobol(4, bits.max(1)), |set| set.into_iter().take(4).collect::<Vec<_>>());
+        let pad = nets::nested(bits).map_or_else(
+            || nets::sobol(4, bits.max(1)),
+            |set| set.into_iter().skip(PAIRED).take(4).collect::<Vec<_>>(),
+        );
         let pad = NetTables::new(&pad, bits);
         let seed_key = numeric::mix64(options.seed ^ 0x6772_6165_636f);
         let line_step = options.line_step.max(1);
