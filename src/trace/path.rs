@@ -166,7 +166,9 @@ impl<'a> PathTracer<'a> {
                 sum += self.lit(path, surface, shading, point, &light, Finds::Nothing);
             }
         }
-        if lights.needs_sampling() {
+        if lights.needs_sampling()
+            && let Some(choice) = lights.choice(&query)
+        {
             let u = Vec2::new(point.get(Factor::light_u(path.vertex)), point.get(Factor::light_v(path.vertex)));
             let count = if path.vertex == 0 { FIRST_LIGHTS } else { 1 };
             let part = 1.0 / f32::from(count);
@@ -174,7 +176,7 @@ impl<'a> PathTracer<'a> {
                 // Strata of the first coordinate, and turns of the second by the golden ratio, keep runs stratified.
                 let x = ((u.x + f32::from(i)) * part).min(ONE_MINUS);
                 let u = Vec2::new(x, (u.y + f32::from(i) * GOLDEN).fract());
-                if let Some(light) = lights.sample(&query, u) {
+                if let Some(light) = lights.sample(&choice, u) {
                     sum += self.lit(path, surface, shading, point, &light, finds) * part;
                 }
             }

@@ -26,7 +26,7 @@ use glam::{Vec2, Vec3, Vec3A};
 use punctual::Nature;
 use rectangle::SeenRectangle;
 use spheres::Spheres;
-use tree::{Receiver, Tree};
+use tree::{Receiver, Root, Tree};
 use triangle::{SeenTriangle, ShapeSample};
 
 /// Where light is received.
@@ -53,6 +53,15 @@ impl LightQuery {
     fn receiver(&self) -> Receiver {
         Receiver { position: self.position, normal: self.normal, sides: self.sides, u_time: self.u_time }
     }
+}
+
+/// The choice of lights at one receiving point.
+#[derive(Debug, Clone, Copy)]
+pub struct LightChoice {
+    query: LightQuery,
+    receiver: Receiver,
+    root: Root,
+    shares: Shares,
 }
 
 /// Light that may arrive, were nothing in the way.
@@ -184,15 +193,22 @@ impl<'a> Lights<'a> {
         self.punctual_sample(self.visited[i], q, 1.0, Vec2::splat(0.5))
     }
 
+    /// The choice of lights at `q`, to draw from as often as need be. `None` where none can reach it.
+    #[must_use]
+    pub fn choice(&self, q: &LightQuery) -> Option<LightChoice> {
+        let receiver = q.receiver();
+        let root = self.tree.root(&receiver);
+        Some(LightChoice { query: *q, receiver, root, shares: self.shares(q, || root)? })
+    }
+
     /// Chooses a light and a point on it.
     #[must_use]
-    pub fn sample(&self, q: &LightQuery, u: Vec2) -> Option<LightSample> {
-        let r = q.receiver();
-        let shares = self.shares(q, &r)?;
+    pub fn sample(&self, choice: &LightChoice, u: Vec2) -> Option<LightSample> {
+        let LightChoice { query: q, receiver, root, shares } = choice;
         let (group, x) = split(u.x, shares.tree);
         let mut u = Vec2::new(x, u.y);
         if group == Side::First {
-            let (light, chance, u) = self.tree.choose(&r, u)?;
+            let (light, chance, u) = self.tree.choose(*root, receiver, u)?;
             let chance = chance * shares.tree;
             return match light.checked_sub(self.emitters.list.len()) {
                 Some(i) => self.punctual_sample(self.near[i], q, chance, u),
@@ -288,7 +304,7 @@ impl<'a> Lights<'a> {
     ) -> f32 {
         let Some(number) = self.emitters.find(instance, triangle, barycentric) else { return 0.0 };
         let r = q.receiver();
-        let Some(shares) = self.shares(q, &r) else { return 0.0 };
+        let Some(shares) = self.shares(q, || self.tree.root(&r)) else { return 0.0 };
         let chance = shares.tree * self.tree.chance(number, &r);
         if chance <= 0.0 {
             return 0.0;
@@ -308,14 +324,14 @@ impl<'a> Lights<'a> {
         let r = q.receiver();
         self.spheres.near(q.position, wi, t_max, q.u_time, |light, number| {
             if let Some((_, radiance, pdf)) = seen(light).filter(|s| s.0 <= t_max) {
-                let share = self.shares(q, &r).map_or(0.0, |s| s.tree);
+                let share = self.shares(q, || self.tree.root(&r)).map_or(0.0, |s| s.tree);
                 each(radiance, pdf * share * self.tree.chance(self.emitters.list.len() + number, &r));
             }
         });
         if !escaped || (self.discs.is_empty() && self.environment.is_black()) {
             return;
         }
-        let shares = self.shares(q, &r);
+        let shares = self.shares(q, || self.tree.root(&r));
         if !self.environment.is_black() {
             let share = shares.as_ref().map_or(0.0, |s| s.environment);
             each(self.environment.radiance(wi), share * self.environment.pdf(q.normal, q.sides, wi));
@@ -364,12 +380,12 @@ impl<'a> Lights<'a> {
     }
 
     /// With which probability each group is chosen at `q`; `None` where none can reach it.
-    fn shares(&self, q: &LightQuery, r: &Receiver) -> Option<Shares> {
+    fn shares(&self, q: &LightQuery, root: impl Fn() -> Root) -> Option<Shares> {
         if self.suns.is_empty() && self.environment.is_black() {
             // Nothing to weigh the tree against: it finds out itself whether anything can arrive.
             return Some(Shares { tree: 1.0, environment: 0.0, suns: 0.0, sun_total: 0.0 });
         }
-        let tree = self.tree.importance(r).min(MOST_ESTIMATE);
+        let tree = self.tree.importance(root()).min(MOST_ESTIMATE);
         let environment = self.environment.irradiance().min(MOST_ESTIMATE);
         let suns: f32 = self.suns.iter().map(|&sun| self.sun_irradiance(sun, q)).sum();
         let total = tree + environment + suns;

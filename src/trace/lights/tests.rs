@@ -51,6 +51,10 @@ pub(super) fn at(x: f32, y: f32, z: f32) -> Motion {
     Motion::still(Affine3A::from_translation(Vec3::new(x, y, z)))
 }
 
+fn sampled(lights: &Lights<'_>, q: &LightQuery, u: Vec2) -> Option<LightSample> {
+    lights.sample(&lights.choice(q)?, u)
+}
+
 fn query(position: Vec3, normal: Vec3) -> LightQuery {
     LightQuery { position: position.into(), normal: normal.normalize().into(), sides: Sides::Above, u_time: 0.0 }
 }
@@ -81,7 +85,7 @@ fn irradiance(lights: &Lights<'_>, q: &LightQuery, n: u32, seed: u128) -> (f64, 
     let mut draws = Draws::new(seed);
     let (mut sum, mut sum2) = (0.0_f64, 0.0_f64);
     for _ in 0..n {
-        let value = lights.sample(q, draws.pair()).map_or(0.0, |s| {
+        let value = sampled(lights, q, draws.pair()).map_or(0.0, |s| {
             f64::from(s.radiance.x) * f64::from(q.normal.dot(s.wi).max(0.0)) / f64::from(s.pdf_solid_angle)
         });
         assert!(value.is_finite());
@@ -283,7 +287,7 @@ fn densities_agree_with_what_was_drawn() {
             let n = crate::trace::warp::sphere_from_square(draws.pair());
             let sides = if i % 3 == 0 { Sides::Both } else { Sides::Above };
             let q = LightQuery { position: position.into(), normal: n, sides, u_time: draws.unit() };
-            let Some(s) = lights.sample(&q, draws.pair()) else { continue };
+            let Some(s) = sampled(lights, &q, draws.pair()) else { continue };
             assert!(s.pdf_solid_angle > 0.0 && s.radiance.is_finite() && s.wi.is_normalized(), "{s:?}");
             if s.is_delta {
                 continue;
@@ -329,7 +333,7 @@ fn the_tree_chooses_as_often_as_it_says() {
             let mut seen = vec![0.0_f64; count];
             let mut lost = 0.0;
             for _ in 0..n {
-                match lights.tree.choose(&r, draws.pair()) {
+                match lights.tree.choose(lights.tree.root(&r), &r, draws.pair()) {
                     Some((light, chance, _)) => {
                         assert!((f64::from(chance) / chances[light] - 1.0).abs() < 1e-5);
                         seen[light] += 1.0;
@@ -477,7 +481,7 @@ fn the_tree_beats_choice_by_power_on_ten_thousand_triangles() {
             let n = 2000;
             let mut moments = [[0.0_f64; 2]; 2];
             for _ in 0..n {
-                let tree = value(lights.sample(&q, draws.pair()));
+                let tree = value(sampled(lights, &q, draws.pair()));
                 let chosen = f64::from(draws.unit());
                 let light = sums.partition_point(|&s| s <= chosen).min(sums.len() - 1);
                 let power = value(lights.emitter_sample(light, &q, (power[light] / total) as f32, draws.pair()));

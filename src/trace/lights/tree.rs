@@ -78,6 +78,10 @@ struct Sway {
 const LEAF: u32 = 1 << 31;
 const STILL: u32 = u32::MAX;
 
+/// What the root's children weigh at one receiving point.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Root(Vec4);
+
 /// The tree. Node 0 is the root.
 #[derive(Debug, Default)]
 pub(super) struct Tree {
@@ -214,18 +218,24 @@ impl Tree {
         }
     }
 
-    /// Irradiance that the whole tree may give at `r`.
-    pub(super) fn importance(&self, r: &Receiver) -> f32 {
-        self.nodes.first().map_or(0.0, |n| self.unit * sum(self.weights(n, r)))
+    /// Weights of the root's children at `r`, for every choice there.
+    pub(super) fn root(&self, r: &Receiver) -> Root {
+        Root(self.nodes.first().map_or(Vec4::ZERO, |n| self.weights(n, r)))
     }
 
-    /// Chooses a light: its index, the probability, and `u` rescaled so that it can place a point on the light.
+    /// Irradiance that the whole tree may give where `root` is taken.
+    pub(super) fn importance(&self, root: Root) -> f32 {
+        self.unit * sum(root.0)
+    }
+
+    /// Chooses a light: its index, the probability, and `u` rescaled so that it can place a point on the light. `root` is
+    /// that at `r`.
     ///
     /// Levels take turns with the two coordinates, so that neither runs out of digits first.
-    pub(super) fn choose(&self, r: &Receiver, u: Vec2) -> Option<(usize, f32, Vec2)> {
-        let (mut node, mut chance, mut u) = (self.nodes.first()?, 1.0_f32, u);
+    pub(super) fn choose(&self, root: Root, r: &Receiver, u: Vec2) -> Option<(usize, f32, Vec2)> {
+        let (mut node, mut weights) = (self.nodes.first()?, root.0);
+        let (mut chance, mut u) = (1.0_f32, u);
         loop {
-            let weights = self.weights(node, r);
             let total = sum(weights);
             if total <= 0.0 {
                 return None;
@@ -238,6 +248,7 @@ impl Tree {
                 return Some(((child & !LEAF) as usize, chance, u));
             }
             node = &self.nodes[child as usize];
+            weights = self.weights(node, r);
         }
     }
 
