@@ -216,7 +216,10 @@ fn times_text(t: &Times) -> Vec<String> {
             duration(f.build_s),
             f.samples
         ),
-        format!("         sequence  {} for {frames} frames, from {} of them", duration(all), t.measured),
+        match frames {
+            1 => format!("         sequence  {} for its one frame", duration(all)),
+            _ => format!("         sequence  {} for {frames} frames, from {} of them", duration(all), t.measured),
+        },
     ];
     if !t.savings.is_empty() {
         lines.push("what each effect costs (estimates of the frame without it):".to_owned());

@@ -126,17 +126,22 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// With `twins`, one pixel of every four has two independent sequences of half as many runs.
-    pub(super) fn new(window: Window, lines: Lines, twins: bool) -> Self {
+    /// The lines of `window` that are exposed, without runs.
+    pub(super) fn new(window: Window, lines: Lines) -> Self {
         let rows: Vec<u32> = (window.y..window.y + window.height).filter(|&y| lines.holds(y)).collect();
-        let width = window.width as usize;
-        let pixel = |index: usize| Pixel {
-            twin: (twins && (index % width).is_multiple_of(2) && (index / width).is_multiple_of(2))
-                .then(Replicates::default),
-            ..Pixel::default()
-        };
-        let pixels = (0..rows.len() * width).map(pixel).collect();
+        let pixels = vec![Pixel::default(); rows.len() * window.width as usize];
         Self { window, rows, pixels, calibration: 1.0 }
+    }
+
+    /// The same, but one pixel of every four has two independent sequences of half as many runs.
+    pub(super) fn with_twins(mut self) -> Self {
+        let width = self.window.width as usize;
+        for (index, pixel) in self.pixels.iter_mut().enumerate() {
+            if (index % width).is_multiple_of(2) && (index / width).is_multiple_of(2) {
+                pixel.twin = Some(Replicates::default());
+            }
+        }
+        self
     }
 
     /// Sets the calibration by what twins tell: the ratio of both ways' sums, every twin weighing about alike.
@@ -246,7 +251,7 @@ impl Block {
                 Rule::Relative(_) => bounded(self.around(index, Own::Apart, |i| needed[i] * needed[i]).sqrt()),
                 _ => bounded(needed[index]).max(self.around(index, Own::Counted, |i| bounded(needed[i]))),
             };
-            f64::from(pixel.all_runs()) < asked.min(most_runs)
+            f64::from(pixel.all_runs()) < asked
         };
         (0..self.pixels.len()).filter(wants).collect()
     }

@@ -140,7 +140,7 @@ pub(super) fn integrate(
             let done: Option<Vec<Block>> = grid
                 .par_iter()
                 .map(|&window| {
-                    let mut block = Block::new(window, pass.lines, true);
+                    let mut block = Block::new(window, pass.lines).with_twins();
                     let samples = block.settle(&sampler, &rule, progress)?;
                     progress.advance(block.pixels_in(film.window()), samples);
                     Some(block)
@@ -150,7 +150,7 @@ pub(super) fn integrate(
             Some(0)
         }
         Goal::Within(_) | Goal::Until(_) | Goal::Passes(_) | Goal::Mean(_) => {
-            let blocks = grid.iter().map(|&window| Block::new(window, pass.lines, false)).collect();
+            let blocks = grid.iter().map(|&window| Block::new(window, pass.lines)).collect();
             Passes { blocks, sampler, goal: adaptive.goal, deadline, progress }.run(film)
         }
     }
