@@ -177,7 +177,8 @@ fn compare(title: &str, flight: f32) {
     let mut tree_draws = Draws(2 << 40);
     let mut tree = |q: &LightQuery| {
         lights
-            .sample(q, tree_draws.pair())
+            .choice(q)
+            .and_then(|choice| lights.sample(&choice, tree_draws.pair()))
             .map_or(0.0, |s| s.radiance.x * seen(q, s.wi, s.distance) / s.pdf_solid_angle)
     };
     let mut power_draws = Draws(3 << 40);
