@@ -20,8 +20,8 @@ const PAD: u8 = u8::MAX;
 /// Most columns of a net that are used; factors beyond are padded.
 const MOST_COLUMNS: usize = 24;
 
-/// The first of four columns of a net of which the first two and the last two were searched as pairs: the lens and the
-/// light. A vertex has two such pairs.
+/// The first of four columns of a net of which the first two and the last two were searched as pairs (up to 128 runs): the
+/// lens and the light. A vertex has two such pairs.
 const PAIRED: usize = 3;
 
 /// Uses of a pixel's key, kept apart.

@@ -59,7 +59,6 @@ impl LightQuery {
 #[derive(Debug, Clone, Copy)]
 pub struct LightChoice {
     query: LightQuery,
-    receiver: Receiver,
     root: Root,
     shares: Shares,
 }
@@ -196,19 +195,18 @@ impl<'a> Lights<'a> {
     /// The choice of lights at `q`, to draw from as often as need be. `None` where none can reach it.
     #[must_use]
     pub fn choice(&self, q: &LightQuery) -> Option<LightChoice> {
-        let receiver = q.receiver();
-        let root = self.tree.root(&receiver);
-        Some(LightChoice { query: *q, receiver, root, shares: self.shares(q, || root)? })
+        let root = self.tree.root(q.receiver());
+        Some(LightChoice { query: *q, root, shares: self.shares(q, || root)? })
     }
 
     /// Chooses a light and a point on it.
     #[must_use]
     pub fn sample(&self, choice: &LightChoice, u: Vec2) -> Option<LightSample> {
-        let LightChoice { query: q, receiver, root, shares } = choice;
+        let LightChoice { query: q, root, shares } = choice;
         let (group, x) = split(u.x, shares.tree);
         let mut u = Vec2::new(x, u.y);
         if group == Side::First {
-            let (light, chance, u) = self.tree.choose(*root, receiver, u)?;
+            let (light, chance, u) = self.tree.choose(root, u)?;
             let chance = chance * shares.tree;
             return match light.checked_sub(self.emitters.list.len()) {
                 Some(i) => self.punctual_sample(self.near[i], q, chance, u),
@@ -304,7 +302,7 @@ impl<'a> Lights<'a> {
     ) -> f32 {
         let Some(number) = self.emitters.find(instance, triangle, barycentric) else { return 0.0 };
         let r = q.receiver();
-        let Some(shares) = self.shares(q, || self.tree.root(&r)) else { return 0.0 };
+        let Some(shares) = self.shares(q, || self.tree.root(r)) else { return 0.0 };
         let chance = shares.tree * self.tree.chance(number, &r);
         if chance <= 0.0 {
             return 0.0;
@@ -324,14 +322,14 @@ impl<'a> Lights<'a> {
         let r = q.receiver();
         self.spheres.near(q.position, wi, t_max, q.u_time, |light, number| {
             if let Some((_, radiance, pdf)) = seen(light).filter(|s| s.0 <= t_max) {
-                let share = self.shares(q, || self.tree.root(&r)).map_or(0.0, |s| s.tree);
+                let share = self.shares(q, || self.tree.root(r)).map_or(0.0, |s| s.tree);
                 each(radiance, pdf * share * self.tree.chance(self.emitters.list.len() + number, &r));
             }
         });
         if !escaped || (self.discs.is_empty() && self.environment.is_black()) {
             return;
         }
-        let shares = self.shares(q, || self.tree.root(&r));
+        let shares = self.shares(q, || self.tree.root(r));
         if !self.environment.is_black() {
             let share = shares.as_ref().map_or(0.0, |s| s.environment);
             each(self.environment.radiance(wi), share * self.environment.pdf(q.normal, q.sides, wi));
@@ -385,7 +383,7 @@ impl<'a> Lights<'a> {
             // Nothing to weigh the tree against: it finds out itself whether anything can arrive.
             return Some(Shares { tree: 1.0, environment: 0.0, suns: 0.0, sun_total: 0.0 });
         }
-        let tree = self.tree.importance(root()).min(MOST_ESTIMATE);
+        let tree = self.tree.importance(&root()).min(MOST_ESTIMATE);
         let environment = self.environment.irradiance().min(MOST_ESTIMATE);
         let suns: f32 = self.suns.iter().map(|&sun| self.sun_irradiance(sun, q)).sum();
         let total = tree + environment + suns;

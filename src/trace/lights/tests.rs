@@ -333,7 +333,7 @@ fn the_tree_chooses_as_often_as_it_says() {
             let mut seen = vec![0.0_f64; count];
             let mut lost = 0.0;
             for _ in 0..n {
-                match lights.tree.choose(lights.tree.root(&r), &r, draws.pair()) {
+                match lights.tree.choose(&lights.tree.root(r), draws.pair()) {
                     Some((light, chance, _)) => {
                         assert!((f64::from(chance) / chances[light] - 1.0).abs() < 1e-5);
                         seen[light] += 1.0;

@@ -78,9 +78,12 @@ struct Sway {
 const LEAF: u32 = 1 << 31;
 const STILL: u32 = u32::MAX;
 
-/// What the root's children weigh at one receiving point.
+/// The tree as one receiving point sees it: what the root's children weigh there, for every choice.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Root(Vec4);
+pub(super) struct Root {
+    receiver: Receiver,
+    weights: Vec4,
+}
 
 /// The tree. Node 0 is the root.
 #[derive(Debug, Default)]
@@ -218,22 +221,21 @@ impl Tree {
         }
     }
 
-    /// Weights of the root's children at `r`, for every choice there.
-    pub(super) fn root(&self, r: &Receiver) -> Root {
-        Root(self.nodes.first().map_or(Vec4::ZERO, |n| self.weights(n, r)))
+    /// The tree as `r` sees it.
+    pub(super) fn root(&self, r: Receiver) -> Root {
+        Root { receiver: r, weights: self.nodes.first().map_or(Vec4::ZERO, |n| self.weights(n, &r)) }
     }
 
-    /// Irradiance that the whole tree may give where `root` is taken.
-    pub(super) fn importance(&self, root: Root) -> f32 {
-        self.unit * sum(root.0)
+    /// Irradiance that the whole tree may give.
+    pub(super) fn importance(&self, root: &Root) -> f32 {
+        self.unit * sum(root.weights)
     }
 
-    /// Chooses a light: its index, the probability, and `u` rescaled so that it can place a point on the light. `root` is
-    /// that at `r`.
+    /// Chooses a light: its index, the probability, and `u` rescaled so that it can place a point on the light.
     ///
     /// Levels take turns with the two coordinates, so that neither runs out of digits first.
-    pub(super) fn choose(&self, root: Root, r: &Receiver, u: Vec2) -> Option<(usize, f32, Vec2)> {
-        let (mut node, mut weights) = (self.nodes.first()?, root.0);
+    pub(super) fn choose(&self, root: &Root, u: Vec2) -> Option<(usize, f32, Vec2)> {
+        let (mut node, mut weights) = (self.nodes.first()?, root.weights);
         let (mut chance, mut u) = (1.0_f32, u);
         loop {
             let total = sum(weights);
@@ -248,7 +250,7 @@ impl Tree {
                 return Some(((child & !LEAF) as usize, chance, u));
             }
             node = &self.nodes[child as usize];
-            weights = self.weights(node, r);
+            weights = self.weights(node, &root.receiver);
         }
     }
 
