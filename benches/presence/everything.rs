@@ -139,31 +139,31 @@ pub fn plan_against_everything() {
     }
 }
 
-fn within(scene: &str, frame: i64, bounces: u16, runs: u32, without: &[Factor]) {
+/// A part of the picture that shows neither motion nor blur, at its best: a whole picture of that kind.
+fn within(scene: &str, frame: i64, bounces: u16) {
     let scene_file: Scene = shots::load(scene);
-    let mut settings = shots::settings(SIZE, runs, bounces);
-    // A part of the picture that shows neither motion nor blur, at its best: a whole picture of that kind.
+    let mut settings = shots::settings(SIZE, 16, bounces);
     settings.shutter = Some(0.0);
     settings.view.aperture_radius = Some(0.0);
     let surroundings: Surroundings<'_> = shots::dark();
     let subject = Subject { scene: &scene_file, settings: &settings, surroundings: &surroundings, frame };
     let reference = reference_of(&subject);
-    let names: Vec<String> = without.iter().map(ToString::to_string).collect();
-    let compared = compare(&subject, &reference, runs, &|planned| [planned, without].concat());
-    compared.print(&format!("{} b{bounces} -{}", scene.rsplit('/').next().unwrap(), names.join("-")), runs);
+    for without in [&[Factor::SHUTTER][..], &[Factor::LENS_U, Factor::LENS_V]] {
+        let names: Vec<String> = without.iter().map(ToString::to_string).collect();
+        let name = format!("{} b{bounces} -{}", scene.rsplit('/').next().unwrap(), names.join("-"));
+        for runs in [16, 64] {
+            compare(&subject, &reference, runs, &|planned| [planned, without].concat()).print(&name, runs);
+        }
+    }
 }
 
 /// What a tile gains at most when its design has no factor for time, or none for the lens, if nothing there depends on
 /// it: the project's scenes, frozen and through a pinhole, by designs with and without those factors.
 pub fn what_regions_could_gain() {
     println!("designs with a factor that nothing depends on over designs without (above 1: dropping it gains):");
-    let lens = [Factor::LENS_U, Factor::LENS_V];
     for (scene, frame) in [("animations/fan.glb", 16), ("animations/field.glb", 8), ("animations/walker.glb", 9)] {
         for bounces in [0, 2] {
-            for runs in [16, 64] {
-                within(scene, frame, bounces, runs, &[Factor::SHUTTER]);
-                within(scene, frame, bounces, runs, &lens);
-            }
+            within(scene, frame, bounces);
         }
     }
 }

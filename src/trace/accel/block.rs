@@ -178,6 +178,13 @@ pub(super) fn test(corners: &Corners, ray: &RayFrame, limit: f32) -> LaneHits {
 /// of t is decided in `f64`. 2⁻¹⁰ leaves 2¹³ roundings of room for triangles down to 1 : 1000 slivers.
 const NEAR: f32 = 1.0 / 1024.0;
 
+/// A lane by its number; an index into memory, where [`Vec4`]'s own would compare the number with each.
+#[inline(always)]
+fn of_lane(values: &Vec4, lane: usize) -> f32 {
+    let values: &[f32; BLOCK] = values.as_ref();
+    values[lane & (BLOCK - 1)]
+}
+
 /// Decides lane `lane` of `hits`, and refines it.
 ///
 /// t is raised to where the ray enters the triangle's own box, so that no enclosing box can be entered later than t: the
@@ -186,19 +193,19 @@ const NEAR: f32 = 1.0 / 1024.0;
 pub(super) fn decide(corners: &Corners, hits: &LaneHits, lane: usize, ray: &RayFrame, limit: f32) -> Option<Candidate> {
     let at = |corner: usize| {
         let [x, y, z] = &corners[corner];
-        Vec3A::new(x[lane], y[lane], z[lane])
+        Vec3A::new(of_lane(x, lane), of_lane(y, lane), of_lane(z, lane))
     };
     let triangle = [at(0), at(1), at(2)];
-    let [u, v, w] = hits.edges.map(|e| e[lane]);
+    let [u, v, w] = hits.edges.each_ref().map(|e| of_lane(e, lane));
     let det = u + v + w;
     let mut candidate = if det.abs() < LOST {
         exact(&triangle, ray)?
     } else {
-        Candidate { t: hits.t[lane], u: v / det, v: w / det, front: det > 0.0 }
+        Candidate { t: of_lane(&hits.t, lane), u: v / det, v: w / det, front: det > 0.0 }
     };
     let (lo, hi) = (triangle[0].min(triangle[1]).min(triangle[2]), triangle[0].max(triangle[1]).max(triangle[2]));
     let reach = (lo - ray.origin).abs().max((hi - ray.origin).abs()).max_element();
-    if candidate.t * ray.direction[ray.k[2]].abs() <= reach * NEAR && !ahead(&triangle, ray) {
+    if candidate.t * ray.speed <= reach * NEAR && !ahead(&triangle, ray) {
         return None;
     }
     candidate.t = candidate.t.max(ray.entry(lo, hi));

@@ -1,11 +1,13 @@
 //! Structures over one geometry, in its own space (or baked into the world's).
 
 use super::block::{StoredTriangle, tag};
-use super::collapse::{self, LeafRule, Shape};
+use super::choice::LeafRule;
+use super::collapse::{self, Shape};
 use super::linear::{Aabb, LinearBox};
 use super::sweep::ShapeMotion;
 use super::topology::{self, Reference};
 use super::tree::{MovingTree, StillTree};
+use super::{memory, spatial};
 use crate::scene::{AlphaMode, Geometry, Mesh, Motion, Scene};
 use glam::Vec3A;
 use rayon::prelude::*;
@@ -116,8 +118,9 @@ pub(super) fn still_shape(ids: &[u32], corners: impl Fn(u32) -> [Vec3A; 3] + Syn
         let [a, b, c] = corners(id);
         Reference::new(a.min(b).min(c), a.max(b).max(c), id, area(a, b, c))
     };
-    let mut references: Vec<Reference> = ids.par_iter().with_min_len(4096).map(reference).collect();
-    let tree = topology::build(&mut references, Some(&corners));
+    let mut references = memory::large(ids.len() + spatial::spare(ids.len()));
+    ids.par_iter().with_min_len(4096).map(reference).collect_into_vec(&mut references);
+    let tree = topology::build(&mut references, Some(&corners), TRIANGLE_LEAF);
     collapse::collapse(&tree, &references, TRIANGLE_LEAF)
 }
 
@@ -130,8 +133,9 @@ fn moving_shape(ids: &[u32], triangle: impl Fn(u32) -> StoredTriangle + Sync) ->
         let [a, b, c] = [0, 1, 2].map(|i| t.begin[i] * 0.5 + t.end[i] * 0.5);
         Reference::new(middle.lo, middle.hi, id, area(a, b, c))
     };
-    let mut references: Vec<Reference> = ids.par_iter().with_min_len(4096).map(reference).collect();
-    let tree = topology::build(&mut references, None);
+    let mut references = memory::large(ids.len());
+    ids.par_iter().with_min_len(4096).map(reference).collect_into_vec(&mut references);
+    let tree = topology::build(&mut references, None, TRIANGLE_LEAF);
     Shape { boxes: Vec::new(), ..collapse::collapse(&tree, &references, TRIANGLE_LEAF) }
 }
 

@@ -14,12 +14,17 @@ use glam::Vec3A;
 /// u|x| (subtraction of the origin), 4u|S z| (one in z, two in S, one in the product; |S| ≤ 1) and u(|x| + |z|) (the last
 /// subtraction): at most 2u|x| + 5u|z| + O(u²), so the triangle test sees vertices moved by less than
 /// 6u(max|x| + max|z|), maxima over the structure's bounds. Boxes widened by as much enclose the moved triangles; the
-/// widening is put on the origin, `near_origin` and `far_origin`, once a ray, with 2u of the origin more so that rounding
-/// the sums takes nothing away.
+/// widening is put on the origin, with 2u|origin| more for rounding the sum: `entry_origin`.
 ///
-/// The quotients then carry three roundings each (subtraction, reciprocal, product): near ≤ near*(1 + γ₃) and
-/// far ≥ far*(1 − γ₃) for exact near* ≤ far*. Scaling far by 1 + 2γ₃ makes near ≤ far certain (Ize 2013, *Robust BVH Ray
-/// Traversal*); `far_inverse` holds that factor, with 10u ≥ 2γ₃ + the factor's own roundings.
+/// A plane p is met at T = (p − O) / d, computed as p·r − c with r = 1/d and c = O·r rounded: in one rounding where the
+/// processor fuses both, in two elsewhere. The roundings of c and of the product are as if O were moved by u|O| and by
+/// u|p| ≤ u(|origin| + reach): O lies 2u(max|x| + max|z|) and 5u|origin| beyond `entry_origin`, which pays for them and for
+/// rounding both. What is left is relative, one rounding of r and one of the difference: near ≤ near*(1 + γ₂) and
+/// far ≥ far*(1 − γ₂) for exact near* ≤ far*. Scaling far by 1 + 2γ₂ makes near ≤ far certain (Ize 2013, *Robust BVH Ray
+/// Traversal*); `far_inverse` holds that factor, with 10u ≥ 2γ₂ + the factor's own roundings.
+///
+/// Where d vanishes r would be infinite and the difference no number: a component is at least 2⁻⁶⁰ of the largest, which
+/// moves the ray by less than 2⁻⁶⁰ of its way, far below u.
 #[derive(Debug, Clone)]
 pub(super) struct RayFrame {
     /// The ray's origin.
@@ -28,14 +33,18 @@ pub(super) struct RayFrame {
     pub(super) direction: Vec3A,
     /// Axes in the order x', y', z' of the sheared space; winding is kept.
     pub(super) k: [usize; 3],
+    /// The direction's largest component, > 0.
+    pub(super) speed: f32,
     /// The origin along x', y', z'.
     pub(super) start: [f32; 3],
     /// Shear of x', of y', and scale of z'.
     pub(super) shear: [f32; 3],
-    /// Origin moved outward for the planes of entry, by axis.
-    pub(super) near_origin: [f32; 3],
-    /// Origin moved outward for the planes of exit.
-    pub(super) far_origin: [f32; 3],
+    /// Origin moved outward, against the direction, by what the triangle test may be wrong.
+    pub(super) entry_origin: Vec3A,
+    /// Origin moved farther outward for the planes of entry, times `near_inverse`, by axis.
+    pub(super) near_scaled: [f32; 3],
+    /// Origin moved outward for the planes of exit, times `far_inverse`.
+    pub(super) far_scaled: [f32; 3],
     /// Reciprocal of the direction.
     pub(super) near_inverse: [f32; 3],
     /// The same, a little larger.
@@ -63,20 +72,25 @@ impl RayFrame {
         let inverse_z = 1.0 / direction[z];
         let reach = (bounds.lo - origin).abs().max((bounds.hi - origin).abs());
         let pad = (reach + Vec3A::splat(reach[z])) * (6.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF);
-        let inverse = direction.recip();
+        let all = pad + (reach + Vec3A::splat(reach[z])) * (2.0 * UNIT_ROUNDOFF) + origin.abs() * (5.0 * UNIT_ROUNDOFF);
+        let least = Vec3A::splat(size[z] * LEAST_COMPONENT);
+        let inverse = Vec3A::select(size.cmplt(least), least.copysign(direction), direction).recip();
+        let far_inverse = inverse * (1.0 + 10.0 * UNIT_ROUNDOFF);
         // Not of the direction: -0.0 is not less than zero, but its reciprocal is.
         let backward = inverse.cmplt(Vec3A::ZERO);
-        let toward = Vec3A::select(backward, -pad, pad);
+        let outward = |pad: Vec3A| Vec3A::select(backward, -pad, pad);
         Self {
             origin,
             direction,
             k: [x, y, z],
+            speed: size[z],
             start: [origin[x], origin[y], origin[z]],
             shear: [direction[x] * inverse_z, direction[y] * inverse_z, inverse_z],
-            near_origin: (origin + toward).to_array(),
-            far_origin: (origin - toward).to_array(),
+            entry_origin: origin + outward(pad),
+            near_scaled: ((origin + outward(all)) * inverse).to_array(),
+            far_scaled: ((origin - outward(all)) * far_inverse).to_array(),
             near_inverse: inverse.to_array(),
-            far_inverse: (inverse * (1.0 + 10.0 * UNIT_ROUNDOFF)).to_array(),
+            far_inverse: far_inverse.to_array(),
             backward: backward.bitmask() as usize,
         }
     }
@@ -88,18 +102,25 @@ impl RayFrame {
         (near, near ^ 1)
     }
 
-    /// Where the box spanned by `lo` and `hi` is entered, by the same operations as the boxes of nodes: rounding is
-    /// monotonic, so no box that encloses it is entered later.
+    /// Where the box spanned by `lo` and `hi` is entered: no box that encloses it is entered later, however its test was
+    /// rounded. That test saw an origin farther outward by more than all its roundings but two, and those, with the three
+    /// here, are less than [`ENTRY_MARGIN`].
     #[inline]
     pub(super) fn entry(&self, lo: Vec3A, hi: Vec3A) -> f32 {
         let mut near = 0.0_f32;
         for axis in [2, 1, 0] {
             let plane = if self.sides(axis).0 == 0 { lo[axis] } else { hi[axis] };
-            let t = (plane - self.near_origin[axis]) * self.near_inverse[axis];
+            let t = (plane - self.entry_origin[axis]) * self.near_inverse[axis];
             if t > near {
                 near = t;
             }
         }
-        near
+        near * ENTRY_MARGIN
     }
 }
+
+/// The least component of a direction that boxes see, relative to its largest.
+const LEAST_COMPONENT: f32 = 1.0 / (1_u64 << 60) as f32;
+
+/// Six roundings: two of a box's test, three of [`RayFrame::entry`], one of this product.
+const ENTRY_MARGIN: f32 = 1.0 + 8.0 * UNIT_ROUNDOFF;

@@ -1,11 +1,21 @@
 //! Memory for large arrays.
 
+use bytemuck::Zeroable;
+
 /// An empty vector with room for `count` elements, on huge pages if the system grants them.
 ///
 /// Rays jump through hundreds of megabytes; with pages of 4 kB nearly every visit of a node also misses the
 /// translation cache. Refusal is no error: the memory is the same, only slower.
 pub(super) fn large<T>(count: usize) -> Vec<T> {
     let vector = Vec::with_capacity(count);
+    #[cfg(target_os = "linux")]
+    advise(&vector);
+    vector
+}
+
+/// `count` elements of zero bytes, likewise. The system hands out such memory as it is first touched, by whichever thread.
+pub(super) fn zeroed<T: Zeroable>(count: usize) -> Vec<T> {
+    let vector = bytemuck::zeroed_vec(count);
     #[cfg(target_os = "linux")]
     advise(&vector);
     vector

@@ -11,6 +11,7 @@
 
 mod block;
 mod body;
+mod choice;
 mod collapse;
 mod frame;
 mod isa;
@@ -125,7 +126,7 @@ impl Kernel {
 
 /// [`top::search`] compiled for processors with AVX2.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn search_avx2<const ANY: bool>(all: &Structures<'_>, ray: &Ray, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
     top::search::<isa::Avx2, ANY>(all, ray, query, stack)
 }

@@ -5,11 +5,11 @@
 //! meets its box, and the expected cost C of finding out; visiting children by falling P / C costs least (Ize and Hansen
 //! 2011, *RTSAH Traversal Order for Occlusion Rays*). The walls of a room come before the statues in it.
 
-use super::collapse::{LEAF, NO_CHILD, NODE_COST, WIDTH};
+use super::choice::NODE_COST;
 
-/// Of a ray that meets a box.
+/// Of a ray that meets the box of a subtree.
 #[derive(Debug, Clone, Copy)]
-struct Odds {
+pub(super) struct Odds {
     /// Half the surface of the box.
     half_area: f32,
     /// Probability that what is inside stops the ray.
@@ -18,46 +18,28 @@ struct Odds {
     cost: f32,
 }
 
-/// What is known of the nodes and leaves of a tree, in their order.
-#[derive(Debug, Default)]
-pub(super) struct Occlusion {
-    nodes: Vec<Odds>,
-    leaves: Vec<Odds>,
-}
+impl Odds {
+    /// Of nothing.
+    pub(super) const NONE: Self = Self { half_area: 0.0, stops: 0.0, cost: 0.0 };
 
-impl Occlusion {
-    /// The next leaf: half the surface of its box, areas of its primitives, cost of a visit.
-    pub(super) fn leaf(&mut self, half_area: f32, areas: impl Iterator<Item = f32>, cost: f32) {
+    /// A leaf: half the surface of its box, areas of its primitives, cost of a visit.
+    pub(super) fn leaf(half_area: f32, areas: impl Iterator<Item = f32>, cost: f32) -> Self {
         let passes: f32 = areas.map(|a| 1.0 - share(a, half_area)).product();
-        self.leaves.push(Odds { half_area, stops: 1.0 - passes, cost });
+        Self { half_area, stops: 1.0 - passes, cost }
     }
 
-    /// The next node; what is below it follows.
-    pub(super) fn node(&mut self, half_area: f32) {
-        self.nodes.push(Odds { half_area, stops: 0.0, cost: NODE_COST });
-    }
-
-    /// Sorts the children of each of `nodes`, of which parents stand before their children.
-    pub(super) fn order(mut self, nodes: &mut [[u32; WIDTH]]) {
-        for (i, children) in nodes.iter_mut().enumerate().rev() {
-            let odds = |child: u32| match child {
-                NO_CHILD => None,
-                leaf if leaf & LEAF != 0 => Some(self.leaves[(leaf & !LEAF) as usize]),
-                node => Some(self.nodes[node as usize]),
-            };
-            let worth = |child: u32| odds(child).map_or(f32::NEG_INFINITY, |o| o.stops / o.cost);
-            // Stable: equal ones keep the order that the tree gives.
-            children.sort_by(|&a, &b| worth(b).total_cmp(&worth(a)));
-            let mut all = self.nodes[i];
-            let mut passes = 1.0;
-            for below in children.iter().filter_map(|&c| odds(c)) {
-                let met = share(below.half_area, all.half_area);
-                all.cost += passes * met * below.cost;
-                passes *= 1.0 - met * below.stops;
-            }
-            all.stops = 1.0 - passes;
-            self.nodes[i] = all;
+    /// A node, whose children are brought into the order of visits.
+    pub(super) fn node<C>(half_area: f32, children: &mut [C], odds: impl Fn(&C) -> Self) -> Self {
+        let worth = |child: &C| odds(child).stops / odds(child).cost;
+        // Stable: equal ones keep the order that the tree gives.
+        children.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
+        let (mut cost, mut passes) = (NODE_COST, 1.0);
+        for below in children.iter().map(odds) {
+            let met = share(below.half_area, half_area);
+            cost += passes * met * below.cost;
+            passes *= 1.0 - met * below.stops;
         }
+        Self { half_area, stops: 1.0 - passes, cost }
     }
 }
 

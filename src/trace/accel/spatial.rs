@@ -203,6 +203,7 @@ impl Reference {
 
 #[cfg(test)]
 mod tests {
+    use super::super::choice::LeafRule;
     use super::super::topology;
     use super::*;
     use proptest::prelude::*;
@@ -256,7 +257,8 @@ mod tests {
                 .map(|(i, [a, b, c])| Reference::new(a.min(*b).min(*c), a.max(*b).max(*c), i, 1.0))
                 .collect();
             let corners = |id: u32| triangles[id as usize];
-            let nodes = topology::build(&mut references, if cut { Some(&corners) } else { None });
+            let rule = LeafRule { most: 4, cost: 0.6 };
+            let nodes = topology::build(&mut references, if cut { Some(&corners) } else { None }, rule);
             (nodes, references)
         };
         let ((plain, _), (cut, references)) = (build(false), build(true));
@@ -266,10 +268,10 @@ mod tests {
         let mut pending = vec![0_usize];
         while let Some(at) = pending.pop() {
             let node = &cut[at];
-            if node.right == 0 {
-                seen[references[node.first as usize].id() as usize] += 1;
+            if node.right() == 0 {
+                seen[references[node.first() as usize].id() as usize] += 1;
             } else {
-                pending.extend([at + 1, node.right as usize]);
+                pending.extend([at + 1, node.right() as usize]);
             }
         }
         assert!(seen.iter().all(|&n| n >= 1) && seen.iter().any(|&n| n > 1), "every triangle, some in pieces");

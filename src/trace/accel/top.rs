@@ -1,7 +1,8 @@
 //! The level above: where structures stand, and how a ray finds them.
 
 use super::body::{Body, Form};
-use super::collapse::{self, BLOCK, LeafRule, NO_TRIANGLE, Shape};
+use super::choice::LeafRule;
+use super::collapse::{self, BLOCK, NO_TRIANGLE, Shape};
 use super::frame::RayFrame;
 use super::isa::Isa;
 use super::linear::{Aabb, LinearBox};
@@ -9,7 +10,7 @@ use super::node::{MovingNode, StillNode, WideNode};
 use super::sweep::swept;
 use super::topology::{self, Reference};
 use super::tree::{Nodes, StillTree};
-use super::walk::{Query, Visit, WORLD, walk};
+use super::walk::{Query, Visit, WORLD, walk, walk_triangles};
 use super::world::World;
 use crate::factor::compiled;
 use crate::scene::motion::segment_at;
@@ -181,7 +182,7 @@ impl<N: WideNode> TopTree<N> {
                 Reference::new(lo, hi, index(i), topology::half_area(lo, hi) * 0.5)
             })
             .collect();
-        let tree = topology::build(&mut references, None);
+        let tree = topology::build(&mut references, None, PLACE_LEAF);
         let shape: Shape = collapse::collapse(&tree, &references, PLACE_LEAF);
         let of_leaf = |leaf: &[u32; BLOCK]| {
             debug_assert!(leaf[0] != NO_TRIANGLE && leaf[1] == NO_TRIANGLE, "one place to a leaf");
@@ -302,7 +303,7 @@ pub(super) fn search<I: Isa, const ANY: bool>(
         Top::World => {
             let Some(World { tree, .. }) = all.world else { return false };
             let frame = RayFrame::new(ray.origin, ray.direction, &tree.nodes.bounds);
-            I::walk_still::<ANY>(tree, tree.nodes.root, &frame, WORLD, query, stack)
+            walk_triangles::<I, _, _, ANY>(tree, tree.nodes.root, &frame, 0.0, WORLD, query, stack)
         }
         Top::Still(top) => {
             let frame = RayFrame::new(ray.origin, ray.direction, &top.nodes.bounds);

@@ -1,11 +1,14 @@
-//! The tree's shape: binned surface-area-heuristic splits over boxes (Wald 2007).
+//! The tree's shape: binned surface-area-heuristic splits over boxes (Wald 2007), and on the way back up what each subtree
+//! becomes in the wide tree (`choice`).
 //!
 //! Input is a list of boxes, output a binary tree in depth-first order: a node's left child follows it, its right child
 //! follows the left subtree. References are permuted so that every small subtree owns a contiguous range of them. Counts
 //! and bounds do not depend on the order of reduction, so any number of threads builds the same tree.
 
-use super::spatial;
-use glam::{UVec3, Vec3A, Vec4};
+use super::choice::{Costs, LeafRule, Shares, alone, combined};
+use super::{memory, spatial};
+use bytemuck::Zeroable;
+use glam::{Vec3A, Vec4};
 
 /// A box with the primitive it bounds.
 ///
@@ -47,26 +50,46 @@ impl Reference {
     }
 }
 
-/// A node of the binary tree.
-#[derive(Debug, Clone, Copy)]
+/// A node of the binary tree; zeros where there is none.
+///
+/// `lo.w` holds the index of the right child as bits and `hi.w` that of the first reference.
+#[derive(Debug, Clone, Copy, Zeroable)]
 pub(super) struct Node2 {
-    pub(super) lo: Vec3A,
-    pub(super) hi: Vec3A,
-    /// Index of the right child; 0 marks a leaf of one reference. The left child is the next node.
-    pub(super) right: u32,
-    /// First reference of the subtree.
-    pub(super) first: u32,
+    lo: Vec4,
+    hi: Vec4,
     /// References in the subtree.
     pub(super) count: u32,
+    /// What it becomes in the wide tree.
+    pub(super) shares: Shares,
 }
 
 impl Node2 {
-    const NONE: Self = Self { lo: Vec3A::ZERO, hi: Vec3A::ZERO, right: 0, first: 0, count: 0 };
+    #[inline]
+    pub(super) fn lo(&self) -> Vec3A {
+        Vec3A::from_vec4(self.lo)
+    }
+
+    #[inline]
+    pub(super) fn hi(&self) -> Vec3A {
+        Vec3A::from_vec4(self.hi)
+    }
+
+    /// Index of the right child; 0 marks a leaf of one reference. The left child is the next node.
+    #[inline]
+    pub(super) fn right(&self) -> u32 {
+        self.lo.w.to_bits()
+    }
+
+    /// First reference of the subtree.
+    #[inline]
+    pub(super) fn first(&self) -> u32 {
+        self.hi.w.to_bits()
+    }
 
     /// Half the surface of its box.
     #[inline]
     pub(super) fn half_area(&self) -> f32 {
-        half_area(self.lo, self.hi)
+        half_area(self.lo(), self.hi())
     }
 }
 
@@ -87,11 +110,11 @@ const PARALLEL: usize = 4096;
 /// Corners of a triangle by its index, for splits that cut triangles; `None` where only whole references are sorted.
 pub(super) type Corners<'a> = Option<&'a (dyn Fn(u32) -> [Vec3A; 3] + Sync)>;
 
-/// Builds the tree over `references`, permuting them. Empty for no references.
+/// Builds the tree over `references`, permuting them, with leaves of the wide tree by `rule`. Empty for no references.
 ///
 /// With `corners`, large triangles in each other's way are cut between children where that pays ([`spatial`]), and the
 /// references grow by the pieces. Places of nodes and references that were kept for pieces and not needed stay empty.
-pub(super) fn build(references: &mut Vec<Reference>, corners: Corners<'_>) -> Vec<Node2> {
+pub(super) fn build(references: &mut Vec<Reference>, corners: Corners<'_>, rule: LeafRule) -> Vec<Node2> {
     if references.is_empty() {
         return Vec::new();
     }
@@ -100,8 +123,8 @@ pub(super) fn build(references: &mut Vec<Reference>, corners: Corners<'_>) -> Ve
     if corners.is_some() {
         references.resize(count + spatial::spare(count), Reference::NONE);
     }
-    let mut nodes = vec![Node2::NONE; 2 * references.len() - 1];
-    let all = Builder { corners, whole: half_area(extent.lo, extent.hi) };
+    let mut nodes = memory::zeroed(2 * references.len() - 1);
+    let all = Builder { corners, whole: half_area(extent.lo, extent.hi), rule };
     all.subtree(references, count, extent, &mut nodes, Place { at: 0, first: 0, depth: 0 });
     nodes
 }
@@ -111,6 +134,7 @@ pub(super) struct Builder<'a> {
     pub(super) corners: Corners<'a>,
     /// Half the surface of everything.
     pub(super) whole: f32,
+    pub(super) rule: LeafRule,
 }
 
 /// Where a subtree begins.
@@ -131,15 +155,29 @@ pub(super) struct Parts {
 }
 
 impl Builder<'_> {
-    /// Fills `nodes` with the subtree over the first `count` of `references`; the rest is room for pieces.
+    /// Fills `nodes` with the subtree over the first `count` of `references`, the rest of which is room for pieces; returns
+    /// what it costs.
     #[allow(clippy::cast_possible_truncation, reason = "triangle counts are checked against 2^29 before building")]
-    fn subtree(&self, references: &mut [Reference], count: usize, extent: Extent, nodes: &mut [Node2], place: Place) {
+    fn subtree(
+        &self,
+        references: &mut [Reference],
+        count: usize,
+        extent: Extent,
+        nodes: &mut [Node2],
+        place: Place,
+    ) -> Costs {
         // A small subtree keeps its references together: they may become one leaf.
         let references = if count < spatial::FEWEST { &mut references[..count] } else { references };
         let (node, below) = nodes.split_first_mut().expect("a subtree has at least one node");
-        *node = Node2 { lo: extent.lo, hi: extent.hi, right: 0, first: place.first, count: count as u32 };
+        let area = half_area(extent.lo, extent.hi);
+        let filled = |right: u32, shares: Shares| {
+            let (lo, hi) = (extent.lo.extend(f32::from_bits(right)), extent.hi.extend(f32::from_bits(place.first)));
+            Node2 { lo, hi, count: count as u32, shares }
+        };
         if count == 1 {
-            return;
+            let (costs, shares) = alone(area, self.rule);
+            *node = filled(0, shares);
+            return costs;
         }
         let Parts { counts, extents: [left, right] } = self.split(references, count, &extent, place.depth);
         // Room that is left is shared by need.
@@ -151,18 +189,15 @@ impl Builder<'_> {
         }
         let next = Place { depth: place.depth + 1, ..place };
         let right_place = Place { at: place.at + 2 * room as u32, first: place.first + room as u32, ..next };
-        node.right = right_place.at;
         let (left_references, right_references) = references.split_at_mut(room);
         let (left_nodes, right_nodes) = below.split_at_mut(2 * room - 1);
         let mut go_left =
             || self.subtree(left_references, counts[0], left, left_nodes, Place { at: place.at + 1, ..next });
         let mut go_right = || self.subtree(right_references, counts[1], right, right_nodes, right_place);
-        if count > PARALLEL {
-            rayon::join(go_left, go_right);
-        } else {
-            go_left();
-            go_right();
-        }
+        let (left, right) = if count > PARALLEL { rayon::join(go_left, go_right) } else { (go_left(), go_right()) };
+        let (costs, shares) = combined(area, count as u32, &left, &right, self.rule);
+        *node = filled(right_place.at, shares);
+        costs
     }
 
     /// Splits the first `count` of `references` in two parts, neither empty: the second follows the first.
@@ -189,7 +224,7 @@ impl Builder<'_> {
             return parts;
         }
         let members = &mut references[..count];
-        let parts = partition(members, |r| binning.bins(r)[best.axis] <= best.border);
+        let parts = partition(members, |r| binning.bin(r, best.axis) <= best.border);
         if parts.counts.contains(&0) { halves(members, count / 2) } else { parts }
     }
 }
@@ -256,33 +291,44 @@ impl Bin {
 struct Binning {
     origin: Vec3A,
     scale: Vec3A,
-    last: UVec3,
+    last: f32,
 }
 
+/// A number added to this is rounded to a whole one, which is then the sum's lowest bits.
+const WHOLE: f32 = (1 << 23) as f32;
+
 impl Binning {
-    /// `N` bins along each axis, filled with the boxes of `references`.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "at most 16 bins")]
+    /// `N` bins along each axis, a power of two, filled with the boxes of `references`.
+    #[allow(clippy::cast_precision_loss, reason = "at most 16 bins")]
     fn fill<const N: usize>(references: &[Reference], extent: &Extent) -> (Self, [[Bin; N]; 3]) {
         let size = extent.centre_hi - extent.centre_lo;
         // An axis without extent gets scale 0: all in bin 0, never the cheapest.
         let scale = Vec3A::select(size.cmpgt(Vec3A::ZERO), Vec3A::splat(N as f32 * 0.9999) / size, Vec3A::ZERO);
         let scale = Vec3A::select(scale.is_finite_mask(), scale, Vec3A::ZERO);
-        let binning = Self { origin: extent.centre_lo, scale, last: UVec3::splat(N as u32 - 1) };
+        let binning = Self { origin: extent.centre_lo, scale, last: (N - 1) as f32 };
         let mut bins = [[Bin::EMPTY; N]; 3];
         for r in references {
             let one = Bin { lo: r.lo(), hi: r.hi(), count: 1 };
-            let at = binning.bins(r);
-            bins[0][at.x as usize & (N - 1)].join(&one);
-            bins[1][at.y as usize & (N - 1)].join(&one);
-            bins[2][at.z as usize & (N - 1)].join(&one);
+            let at = binning.places(r);
+            for axis in 0..3 {
+                bins[axis][at[axis].to_bits() as usize & (N - 1)].join(&one);
+            }
         }
         (binning, bins)
     }
 
+    /// The bin of each axis, as the lowest bits of a number: each half open, as their middles are rounded to.
     #[inline]
-    fn bins(&self, r: &Reference) -> UVec3 {
-        // Saturating conversion: a range that overflows f32 lands in the first or last bin.
-        (((r.lo() + r.hi()) - self.origin) * self.scale).as_uvec3().min(self.last)
+    fn places(&self, r: &Reference) -> [f32; 3] {
+        let place = ((r.lo() + r.hi()) - self.origin) * self.scale - Vec3A::splat(0.5);
+        // What overflows lands in the first or last bin.
+        (place.max(Vec3A::ZERO).min(Vec3A::splat(self.last)) + Vec3A::splat(WHOLE)).to_array()
+    }
+
+    /// The bin along `axis`.
+    #[inline]
+    fn bin(&self, r: &Reference, axis: usize) -> u32 {
+        self.places(r)[axis].to_bits() - WHOLE.to_bits()
     }
 }
 
@@ -366,19 +412,19 @@ mod tests {
 
     fn depth(nodes: &[Node2], at: usize) -> u32 {
         let node = &nodes[at];
-        if node.right == 0 { 1 } else { 1 + depth(nodes, at + 1).max(depth(nodes, node.right as usize)) }
+        if node.right() == 0 { 1 } else { 1 + depth(nodes, at + 1).max(depth(nodes, node.right() as usize)) }
     }
 
     fn check(mut references: Vec<Reference>) -> u32 {
         let n = references.len();
-        let nodes = build(&mut references, None);
+        let nodes = build(&mut references, None, LeafRule { most: 4, cost: 0.6 });
         assert_eq!(nodes.len(), 2 * n - 1);
         let mut ids: Vec<u32> = references.iter().map(Reference::id).collect();
         ids.sort_unstable();
         assert!(ids.iter().enumerate().all(|(i, &id)| id as usize == i), "every reference once");
         for node in &nodes {
-            for r in &references[node.first as usize..(node.first + node.count) as usize] {
-                assert!(r.lo().cmpge(node.lo).all() && r.hi().cmple(node.hi).all(), "boxes enclose");
+            for r in &references[node.first() as usize..][..node.count as usize] {
+                assert!(r.lo().cmpge(node.lo()).all() && r.hi().cmple(node.hi()).all(), "boxes enclose");
             }
         }
         depth(&nodes, 0)

@@ -12,16 +12,18 @@
 
 use super::fresnel::{dielectric, schlick_weight};
 use super::ggx::{Ggx, azimuth_from_unit, reflect, refract};
-use super::sheen;
 use glam::{Vec2, Vec3A};
 use std::sync::{LazyLock, OnceLock};
 
+mod cloth;
+mod mirror;
 mod stretched;
+use mirror::{Circle, mirror_means};
 use stretched::Stretched;
 
 /// Rows and columns of a table: an axis of cosine and one of perceptual roughness, in steps of 1/(SIDE − 1).
 const SIDE: usize = 64;
-/// Points of the lattice for each entry.
+/// Points of the lattice for each entry, on half of the circle of azimuths.
 const POINTS: u32 = 1024;
 
 /// Greatest measured error of the coarser tables, by which they are read high so that no lobe ever gains light: what
@@ -65,6 +67,11 @@ impl Axis {
         }
     }
 
+    /// The cosine of column `column` of `columns`.
+    fn entry_cosine(self, column: usize, columns: usize, roughness: f32) -> f32 {
+        self.cosine(column as f32 / (columns - 1) as f32, roughness).clamp(LEAST_COSINE, 1.0)
+    }
+
     #[inline]
     fn k(roughness: f32) -> f32 {
         (roughness * roughness).max(super::ALPHA_SPECULAR)
@@ -82,14 +89,20 @@ pub(super) struct Table {
 
 impl Table {
     fn build(axis: Axis, (columns, rows): (usize, usize), value: impl Fn(f32, f32) -> f32 + Sync) -> Self {
-        let entry = |i: usize| {
-            let (row, column) = (i / columns, i % columns);
-            // The lowest row stands for the narrowest lobe that is not a mirror.
-            let roughness = (row as f32 / (rows - 1) as f32).max(super::ALPHA_SPECULAR.sqrt());
-            let x = column as f32 / (columns - 1) as f32;
-            value(axis.cosine(x, roughness).clamp(LEAST_COSINE, 1.0), roughness)
-        };
-        Self { axis, columns, rows, values: in_parallel(columns * rows, entry) }
+        Self::of_entries(axis, (columns, rows), |column, row| {
+            let roughness = Self::entry_roughness(row, rows);
+            value(axis.entry_cosine(column, columns, roughness), roughness)
+        })
+    }
+
+    /// The table whose entry in each column and row is given.
+    fn of_entries(axis: Axis, (columns, rows): (usize, usize), entry: impl Fn(usize, usize) -> f32 + Sync) -> Self {
+        Self { axis, columns, rows, values: in_parallel(columns * rows, |i| entry(i % columns, i / columns)) }
+    }
+
+    /// The roughness of row `row` of `rows`. The lowest stands for the narrowest lobe that is not a mirror.
+    fn entry_roughness(row: usize, rows: usize) -> f32 {
+        (row as f32 / (rows - 1) as f32).max(super::ALPHA_SPECULAR.sqrt())
     }
 
     /// Bilinear in the axes.
@@ -152,43 +165,38 @@ fn view(cos: f32) -> Vec3A {
     Vec3A::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos)
 }
 
-/// Albedos of facets that reflect everything, and that reflect Schlick's weight, as means over visible normals at `points`.
-fn mirror_means(ggx: Ggx, wo: Vec3A, points: &[(Vec2, f32)]) -> (f32, f32) {
-    let count = points.len() as f64;
-    let (mut mirror, mut schlick) = (0.0_f64, 0.0_f64);
-    for &(azimuth, v) in points {
-        let h = ggx.visible_normal_around(wo, azimuth, v);
-        let wi = reflect(wo, h);
-        if wi.z > 0.0 {
-            let kept = f64::from(ggx.shadowing(wo, wi));
-            mirror += kept;
-            schlick += kept * f64::from(schlick_weight(wo.dot(h)));
-        }
-    }
-    ((mirror / count) as f32, (schlick / count) as f32)
+/// The same of round facets.
+fn ggx_means(cos: f32, roughness: f32, points: &Circle, weight: impl Fn(f32) -> f32) -> (f32, f32) {
+    mirror_means(Ggx { alpha: Vec2::splat(roughness * roughness) }, view(cos), points, weight)
 }
 
-/// The same of round facets.
-fn ggx_means(cos: f32, roughness: f32, points: &[(Vec2, f32)]) -> (f32, f32) {
-    let (ggx, wo) = (Ggx { alpha: Vec2::splat(roughness * roughness) }, view(cos));
-    mirror_means(ggx, wo, points)
+/// Of round facets that reflect `weight` of the cosine with the view, relative to a mirror's: the mean weight of what is
+/// reflected.
+fn share(cos: f32, roughness: f32, points: &Circle, weight: impl Fn(f32) -> f32) -> f32 {
+    let (mirror, weighted) = ggx_means(cos, roughness, points, weight);
+    weighted / mirror
+}
+
+/// The lattice on half of a turn, its even steps in height: the albedo's edge, where facets begin to reflect downwards, runs
+/// across them (on 105 pairs of cosine and roughness the greatest error is 0.0009; with even steps in azimuth 0.0013).
+fn half_turn() -> impl Iterator<Item = Vec2> {
+    (0..POINTS).map(|i| lattice(i, POINTS)).map(|u| Vec2::new(0.5 * u.y, u.x))
 }
 
 static MIRROR: LazyLock<Table> = LazyLock::new(|| {
-    let points = circle_lattice(POINTS);
-    Table::build(Axis::Shadowing, (SIDE, SIDE), |cos, r| ggx_means(cos, r, &points).0)
+    let points = Circle::new(half_turn());
+    Table::build(Axis::Shadowing, (SIDE, SIDE), |cos, r| ggx_means(cos, r, &points, |_| 0.0).0)
 });
-/// Albedo of Schlick's weight relative to that of a mirror: the mean weight of what is reflected.
+/// Albedo of Schlick's weight relative to that of a mirror.
 static SCHLICK: LazyLock<Table> = LazyLock::new(|| {
-    let points = circle_lattice(POINTS);
-    Table::build(Axis::Root, (SIDE, SIDE), |cos, r| {
-        let (mirror, schlick) = ggx_means(cos, r, &points);
-        schlick / mirror
-    })
+    let points = Circle::new(half_turn());
+    Table::build(Axis::Root, (SIDE, SIDE), |cos, r| share(cos, r, &points, schlick_weight))
 });
 /// Points of the lattice for each entry of a [`Stretched`], and azimuths of one for mirrors and for glass.
 const STRETCHED_POINTS: u32 = 512;
 static STRETCHED_LATTICE: LazyLock<Vec<(Vec2, f32)>> = LazyLock::new(|| circle_lattice(STRETCHED_POINTS));
+static STRETCHED_CIRCLE: LazyLock<Circle> =
+    LazyLock::new(|| Circle::new((0..STRETCHED_POINTS).map(|i| lattice(i, STRETCHED_POINTS))));
 const MIRROR_AZIMUTHS: usize = 32;
 const GLASS_AZIMUTHS: usize = 64;
 /// How often reflection and transmission are drawn on stretched glass at least.
@@ -197,33 +205,20 @@ const LEAST_SHARE: f32 = 0.02;
 /// Albedo of stretched mirror facets, and that of Schlick's weight relative to it.
 static ANISOTROPIC_MIRROR: LazyLock<Stretched> = LazyLock::new(|| {
     Stretched::new(MIRROR_AZIMUTHS, 1.0, |ggx, wo, _| {
-        let (mirror, schlick) = mirror_means(ggx, wo, &STRETCHED_LATTICE);
+        let (mirror, schlick) = mirror_means(ggx, wo, &STRETCHED_CIRCLE, schlick_weight);
         [mirror, schlick / mirror]
     })
 });
 
-static SHEEN: LazyLock<Table> = LazyLock::new(|| Table::build(Axis::Root, (64, 32), sheen_mean));
+static SHEEN: LazyLock<Table> = LazyLock::new(cloth::table);
 
 /// Index of refraction of the clear coat, as `KHR_materials_clearcoat` fixes it.
 pub(super) const COAT_IOR: f32 = 1.5;
 
-/// Albedo of the clear coat relative to that of a mirror: the mean reflectance of what is reflected.
+/// Albedo of the clear coat relative to that of a mirror.
 static COAT: LazyLock<Table> = LazyLock::new(|| {
-    let points = circle_lattice(POINTS);
-    Table::build(Axis::Root, (SIDE, SIDE / 2), |cos, roughness| {
-        let (ggx, wo) = (Ggx { alpha: Vec2::splat(roughness * roughness) }, view(cos));
-        let (mut mirror, mut coat) = (0.0_f64, 0.0_f64);
-        for &(azimuth, v) in &points {
-            let h = ggx.visible_normal_around(wo, azimuth, v);
-            let wi = reflect(wo, h);
-            if wi.z > 0.0 {
-                let kept = f64::from(ggx.shadowing(wo, wi));
-                mirror += kept;
-                coat += kept * f64::from(dielectric(wo.dot(h), COAT_IOR));
-            }
-        }
-        (coat / mirror) as f32
-    })
+    let points = Circle::new(half_turn());
+    Table::build(Axis::Root, (SIDE, SIDE / 2), |cos, r| share(cos, r, &points, |d| dielectric(d, COAT_IOR)))
 });
 
 /// Albedo of a whole clear coat.
@@ -331,18 +326,6 @@ pub(super) fn prepare(wanted: Wanted) {
     }
 }
 
-fn sheen_mean(cos: f32, roughness: f32) -> f32 {
-    let wo = view(cos);
-    let mut sum = 0.0_f64;
-    let seen = sheen::Sheen::new(sheen::alpha(roughness), wo.z);
-    const N: u32 = 1024;
-    for i in 0..N {
-        let wi = crate::trace::warp::uniform_hemisphere_from_square(lattice(i, N));
-        sum += f64::from(seen.value(wo, wi));
-    }
-    (sum / f64::from(N) / f64::from(crate::trace::warp::uniform_hemisphere_pdf())) as f32
-}
-
 /// Albedo of white sheen.
 #[inline]
 pub(super) fn sheen_albedo(cos: f32, roughness: f32) -> f32 {
@@ -363,7 +346,7 @@ pub(super) struct Glass {
 impl Glass {
     /// Tabulates the boundary behind which the medium is `eta` times as dense.
     pub(super) fn new(eta: f32) -> Self {
-        let share = |(r, t): (f32, f32)| if r + t > 0.0 { r / (r + t) } else { 1.0 };
+        let part = |(r, t): (f32, f32)| if r + t > 0.0 { r / (r + t) } else { 1.0 };
         let round = |r: f32| Ggx { alpha: Vec2::splat(r * r) };
         let (many, few) = (circle_lattice(512), circle_lattice(128));
         Self {
@@ -373,7 +356,7 @@ impl Glass {
                 reflected + transmitted
             }),
             // The share only decides how often either is sampled.
-            reflected: Table::build(Axis::Root, (16, 12), |cos, r| share(glass_mean(round(r), view(cos), eta, &few))),
+            reflected: Table::build(Axis::Root, (16, 12), |cos, r| part(glass_mean(round(r), view(cos), eta, &few))),
             stretched: OnceLock::new(),
         }
     }
@@ -430,11 +413,11 @@ mod tests {
     /// The tables against quadrature between their entries: the error that a white furnace can show.
     #[test]
     fn interpolated_albedos_are_within_two_thousandths() {
-        let (mut worst, points) = ((0.0_f32, 0.0, 0.0), circle_lattice(POINTS));
+        let (mut worst, points) = ((0.0_f32, 0.0, 0.0), Circle::new(half_turn()));
         for i in 0..40_u16 {
             for j in 0..40_u16 {
                 let (cos, r) = ((f32::from(i) + 0.37) / 40.0, (f32::from(j) + 0.61) / 40.0);
-                let error = (GgxAlbedo::at(cos, r).mirror - ggx_means(cos, r, &points).0).abs();
+                let error = (GgxAlbedo::at(cos, r).mirror - ggx_means(cos, r, &points, |_| 0.0).0).abs();
                 if error > worst.0 {
                     worst = (error, cos, r);
                 }

@@ -37,16 +37,36 @@ impl Sheen {
     /// f · cosᵢ for directions on the normal's side; `wo` is the direction of [`Sheen::new`].
     #[inline]
     pub(super) fn value(&self, wo: Vec3A, wi: Vec3A) -> f32 {
-        let h = wo + wi;
-        let length2 = h.length_squared();
-        if length2 <= 0.0 || wo.z <= 0.0 || wi.z <= 0.0 {
+        if wo.z <= 0.0 || wi.z <= 0.0 {
             return 0.0;
         }
-        let sin2 = ((h.x * h.x + h.y * h.y) / length2).min(1.0);
-        let density = (2.0 + self.inverse) * libm::powf(sin2, 0.5 * self.inverse) / TAU;
-        // V = 1 / ((1 + Λₒ + Λᵢ) 4 cosₒ cosᵢ), times cosᵢ.
-        density / ((self.shadowed + self.lambda.at(wi.z)) * 4.0 * wo.z.max(LEAST_COSINE))
+        self.of(log_sin2(wo, wi), wo.z, self.masked(wi.z))
     }
+
+    /// The same by its parts: [`log_sin2`] of both directions, the viewer's cosine, and [`Sheen::masked`] of the light's.
+    #[inline]
+    pub(super) fn of(&self, log_sin2: f32, cos: f32, masked: f32) -> f32 {
+        let density = (2.0 + self.inverse) * libm::expf(0.5 * self.inverse * log_sin2) / TAU;
+        // V = 1 / ((1 + Λₒ + Λᵢ) 4 cosₒ cosᵢ), times cosᵢ.
+        density / ((self.shadowed + masked) * 4.0 * cos.max(LEAST_COSINE))
+    }
+
+    /// Λ of a direction at cosine `cos`.
+    #[inline]
+    pub(super) fn masked(&self, cos: f32) -> f32 {
+        self.lambda.at(cos)
+    }
+}
+
+/// Logarithm of the squared sine of the facet that reflects `wo` to `wi`; −∞ where it is level.
+#[inline]
+pub(super) fn log_sin2(wo: Vec3A, wi: Vec3A) -> f32 {
+    let h = wo + wi;
+    let length2 = h.length_squared();
+    if length2 <= 0.0 {
+        return f32::NEG_INFINITY;
+    }
+    libm::logf(((h.x * h.x + h.y * h.y) / length2).min(1.0))
 }
 
 /// Smith's Λ fitted by Estevez and Kulla (2017, §3, table 1 and eq. 3).
@@ -75,7 +95,7 @@ impl Lambda {
 
     fn exponent(&self, x: f32) -> f32 {
         let [a, b, c, d, e] = self.fit;
-        a / (1.0 + b * libm::powf(x, c)) + d * x + e
+        a / (1.0 + b * libm::expf(c * libm::logf(x))) + d * x + e
     }
 
     #[inline]
