@@ -276,7 +276,7 @@ mod avx2 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::collapse::{NO_CHILD, WIDTH};
+    use super::super::collapse::{LEAF, NO_CHILD, WIDTH};
     use super::super::linear::{Aabb, LinearBox};
     use super::super::node::WideNode;
     use super::*;
@@ -291,7 +291,9 @@ mod tests {
     fn opened(child: &Aabb, ray: &RayFrame) -> Vec<Opened> {
         let mut boxes = [LinearBox::EMPTY; WIDTH];
         boxes[0] = LinearBox::still(*child);
-        let node = StillNode::new(&boxes, [NO_CHILD; WIDTH]);
+        let mut children = [NO_CHILD; WIDTH];
+        children[0] = LEAF;
+        let node = StillNode::new(&boxes, children);
         let mut all = vec![Portable::open_still(&node, ray, f32::INFINITY)];
         #[cfg(target_arch = "x86_64")]
         if Avx2::is_present() {
@@ -301,14 +303,14 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(20_000))]
+        #![proptest_config(ProptestConfig::with_cases(10_000))]
 
         /// However a test of boxes is rounded: what a ray is aimed at is met, also in planes of its box and along axes, and
         /// none that encloses a triangle's own box is entered later than that.
         #[test]
         fn boxes_are_met_and_entered_early_enough(
             corners in (vector(1.0), vector(1.0)), at in prop::array::uniform3(0_u8..=4), origin in vector(4.0),
-            along in 0_u8..8, grown in vector(1.0), grow in any::<bool>(), shift in prop_oneof![Just(0.0_f32), Just(1e4), Just(1e6)],
+            along in 0_u8..7, grown in vector(1.0), grow in any::<bool>(), shift in prop_oneof![Just(0.0_f32), Just(1e4), Just(1e6)],
             scale in prop_oneof![Just(1.0_f32), Just(1e-6), Just(1e6)], speed in prop_oneof![Just(1.0_f32), Just(1e-6), Just(1e6)],
         ) {
             let place = |p: Vec3A| p * scale + Vec3A::new(shift, -shift, shift) * scale;
