@@ -10,7 +10,6 @@
 use super::collapse::{BLOCK, NO_TRIANGLE};
 use super::frame::RayFrame;
 use glam::{DVec3, Vec3A, Vec4};
-use std::borrow::Borrow;
 
 /// Corners of four triangles: `[corner][axis]`, a lane a triangle.
 pub(super) type Corners = [[Vec4; 3]; 3];
@@ -57,8 +56,11 @@ pub(super) trait Block: Sync + Send + Sized {
     /// A block of up to four triangles.
     fn new(triangles: &[Option<StoredTriangle>; BLOCK]) -> Self;
 
-    /// The corners at fraction `time` of the segment; where they stand still, those stored.
-    fn corners(&self, time: f32) -> impl Borrow<Corners>;
+    /// Coordinate `axis` of corner `corner` of the four at fraction `time` of the segment.
+    fn plane(&self, corner: usize, axis: usize, time: f32) -> Vec4;
+
+    /// The corners of lane `lane` at fraction `time`.
+    fn triangle(&self, lane: usize, time: f32) -> [Vec3A; 3];
 
     /// Tagged indices; [`NO_TRIANGLE`] for empty lanes.
     fn ids(&self) -> &[u32; BLOCK];
@@ -83,8 +85,13 @@ impl Block for StillBlock {
     }
 
     #[inline(always)]
-    fn corners(&self, _time: f32) -> impl Borrow<Corners> {
-        &self.corners
+    fn plane(&self, corner: usize, axis: usize, _time: f32) -> Vec4 {
+        self.corners[corner][axis]
+    }
+
+    #[inline(always)]
+    fn triangle(&self, lane: usize, _time: f32) -> [Vec3A; 3] {
+        lane_of(&self.corners, lane)
     }
 
     #[inline(always)]
@@ -103,10 +110,14 @@ impl Block for MovingBlock {
     }
 
     #[inline(always)]
-    fn corners(&self, time: f32) -> impl Borrow<Corners> {
-        let time = Vec4::splat(time);
-        let at = |c: usize, a: usize| self.corners[c][a] + time * self.deltas[c][a];
-        [0, 1, 2].map(|c| [at(c, 0), at(c, 1), at(c, 2)])
+    fn plane(&self, corner: usize, axis: usize, time: f32) -> Vec4 {
+        self.corners[corner][axis] + Vec4::splat(time) * self.deltas[corner][axis]
+    }
+
+    #[inline(always)]
+    fn triangle(&self, lane: usize, time: f32) -> [Vec3A; 3] {
+        let (begin, deltas) = (lane_of(&self.corners, lane), lane_of(&self.deltas, lane));
+        [0, 1, 2].map(|c| begin[c] + time * deltas[c])
     }
 
     #[inline(always)]
@@ -146,19 +157,20 @@ pub(super) struct LaneHits {
 /// triangle, and t is a quotient of their products with a depth, which from here on could leave `f32`'s normal numbers.
 const LOST: f32 = 1.0 / (1_u64 << 60) as f32;
 
-/// Tests four triangles; `mask` 0 nearly always.
+/// Tests the four triangles of `block` at fraction `time`; `mask` 0 nearly always.
 #[inline(always)]
-pub(super) fn test(corners: &Corners, ray: &RayFrame, limit: f32) -> LaneHits {
+pub(super) fn test<B: Block>(block: &B, time: f32, ray: &RayFrame, limit: f32) -> LaneHits {
     let [kx, ky, kz] = ray.k;
     let [sx, sy, sz] = ray.shear.map(Vec4::splat);
     let [ox, oy, oz] = ray.start.map(Vec4::splat);
-    let sheared = |corner: &[Vec4; 3]| {
-        let z = corner[kz] - oz;
-        (corner[kx] - ox - sx * z, corner[ky] - oy - sy * z, z)
+    let sheared = |corner: usize| {
+        let at = |axis: usize| block.plane(corner, axis, time);
+        let z = at(kz) - oz;
+        (at(kx) - ox - sx * z, at(ky) - oy - sy * z, z)
     };
-    let (ax, ay, az) = sheared(&corners[0]);
-    let (bx, by, bz) = sheared(&corners[1]);
-    let (cx, cy, cz) = sheared(&corners[2]);
+    let (ax, ay, az) = sheared(0);
+    let (bx, by, bz) = sheared(1);
+    let (cx, cy, cz) = sheared(2);
     let u = cx * by - cy * bx;
     let v = ax * cy - ay * cx;
     let w = bx * ay - by * ax;
@@ -185,27 +197,34 @@ fn of_lane(values: &Vec4, lane: usize) -> f32 {
     values[lane & (BLOCK - 1)]
 }
 
-/// Decides lane `lane` of `hits`, and refines it.
+/// The triangle of one lane.
+#[inline(always)]
+fn lane_of(corners: &Corners, lane: usize) -> [Vec3A; 3] {
+    corners.each_ref().map(|[x, y, z]| Vec3A::new(of_lane(x, lane), of_lane(y, lane), of_lane(z, lane)))
+}
+
+/// Decides a lane of `hits`, which holds `triangle`, and refines it.
 ///
 /// t is raised to where the ray enters the triangle's own box, so that no enclosing box can be entered later than t: the
 /// nearest hit does not depend on the tree or on the order of traversal.
 #[inline(always)]
-pub(super) fn decide(corners: &Corners, hits: &LaneHits, lane: usize, ray: &RayFrame, limit: f32) -> Option<Candidate> {
-    let at = |corner: usize| {
-        let [x, y, z] = &corners[corner];
-        Vec3A::new(of_lane(x, lane), of_lane(y, lane), of_lane(z, lane))
-    };
-    let triangle = [at(0), at(1), at(2)];
+pub(super) fn decide(
+    triangle: &[Vec3A; 3],
+    hits: &LaneHits,
+    lane: usize,
+    ray: &RayFrame,
+    limit: f32,
+) -> Option<Candidate> {
     let [u, v, w] = hits.edges.each_ref().map(|e| of_lane(e, lane));
     let det = u + v + w;
     let mut candidate = if det.abs() < LOST {
-        exact(&triangle, ray)?
+        exact(triangle, ray)?
     } else {
         Candidate { t: of_lane(&hits.t, lane), u: v / det, v: w / det, front: det > 0.0 }
     };
     let (lo, hi) = (triangle[0].min(triangle[1]).min(triangle[2]), triangle[0].max(triangle[1]).max(triangle[2]));
     let reach = (lo - ray.origin).abs().max((hi - ray.origin).abs()).max_element();
-    if candidate.t * ray.speed <= reach * NEAR && !ahead(&triangle, ray) {
+    if candidate.t * ray.speed <= reach * NEAR && !ahead(triangle, ray) {
         return None;
     }
     candidate.t = candidate.t.max(ray.entry(lo, hi));

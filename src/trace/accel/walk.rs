@@ -6,7 +6,6 @@ use super::frame::RayFrame;
 use super::isa::Isa;
 use super::node::WideNode;
 use super::tree::{Nodes, Tree};
-use std::borrow::Borrow;
 
 /// A hit by the names that the structure uses.
 #[derive(Debug, Clone, Copy)]
@@ -205,14 +204,12 @@ impl<B: Block, const ANY: bool> Visit for Triangles<'_, B, ANY> {
     #[inline(always)]
     fn visit(&self, leaf: u32, query: &mut Query<'_>, _: &mut [u64]) -> bool {
         let block = &self.blocks[leaf as usize];
-        let corners = block.corners(self.time);
-        let corners = corners.borrow();
-        let hits = test(corners, self.ray, query.limit);
+        let hits = test(block, self.time, self.ray, query.limit);
         let mut mask = hits.mask;
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize & 3;
             mask &= mask - 1;
-            if let Some(candidate) = decide(corners, &hits, lane, self.ray, query.limit)
+            if let Some(candidate) = decide(&block.triangle(lane, self.time), &hits, lane, self.ray, query.limit)
                 && query.offer(candidate, block.ids()[lane], self.space)
                 && ANY
             {
