@@ -178,7 +178,7 @@ fn compare(title: &str, flight: f32) {
     let mut tree = |q: &LightQuery| {
         lights
             .choice(q)
-            .and_then(|choice| lights.sample(&choice, tree_draws.pair()))
+            .and_then(|mut choice| lights.sample(&mut choice, tree_draws.pair()))
             .map_or(0.0, |s| s.radiance.x * seen(q, s.wi, s.distance) / s.pdf_solid_angle)
     };
     let mut power_draws = Draws(3 << 40);

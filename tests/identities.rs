@@ -128,7 +128,7 @@ fn a_furnace_returns_its_closed_form() {
     scene.nodes.push(Node { camera: Some(0), visible: true, ..Node::default() });
     scene.order.push(1);
     // The last ones end by chance, from the first bounce on or from the third.
-    for (bounces, sure_bounces) in [(0, 2), (1, 2), (3, 3), (6, 0), (6, 2)] {
+    for (bounces, sure_bounces) in [(0, 2), (1, 2), (3, 3), (6, 0), (6, 1), (6, 2)] {
         let settings = Settings { sure_bounces, ..settings(256, bounces) };
         let film = render(&scene, &settings, Background::Black, 0);
         let n = film.pixels().len();

@@ -149,7 +149,7 @@ pub(crate) struct ShotArgs {
     pub(crate) bounces: u16,
 
     /// Bounces that every path makes; with more allowed, dim paths then end by chance and the others carry their light
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(0..=1024), help_heading = LIGHT)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(0..=1024), help_heading = LIGHT)]
     pub(crate) sure_bounces: u16,
 
     /// Light from lamps that mirrors and glass focus onto other surfaces: exact (noisy), blurred (what polished metal and

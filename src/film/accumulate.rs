@@ -197,30 +197,25 @@ impl Sums {
 
 impl Join for Sums {
     #[inline]
-    fn join(&self, next: &Self) -> Self {
-        let (a, b) = (&self.total, &next.total);
-        let mut moments = Moments {
-            weighted: self.moments.weighted + next.moments.weighted,
-            cross: self.moments.cross + next.moments.cross,
-            weight: self.moments.weight + next.moments.weight,
-        };
+    fn absorb(&mut self, next: &Self) {
+        let (a, b) = (self.total, &next.total);
+        self.moments.weighted += next.moments.weighted;
+        self.moments.cross += next.moments.cross;
+        self.moments.weight += next.moments.weight;
         if a.runs > 0 && b.runs > 0 {
             let (na, nb) = (f64::from(a.runs), f64::from(b.runs));
             let scale = na * nb / (na + nb);
             let weighted = b.weighted / nb - a.weighted / na;
             let weight = b.weight / nb - a.weight / na;
-            moments.weighted += weighted * weighted * scale;
-            moments.cross += weighted * (weight * scale);
-            moments.weight += weight * weight * scale;
+            self.moments.weighted += weighted * weighted * scale;
+            self.moments.cross += weighted * (weight * scale);
+            self.moments.weight += weight * weight * scale;
         }
-        Self {
-            rejected: self.rejected + next.rejected,
-            total: a.plus(b),
-            moments,
-            halves: [self.total, next.total],
-            quarters: [self.halves[0], self.halves[1], next.halves[0], next.halves[1]],
-            known: (2 * self.known.min(next.known)).min(4),
-        }
+        self.rejected += next.rejected;
+        self.quarters = [self.halves[0], self.halves[1], next.halves[0], next.halves[1]];
+        self.halves = [a, *b];
+        self.total = a.plus(b);
+        self.known = (2 * self.known.min(next.known)).min(4);
     }
 }
 

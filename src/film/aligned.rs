@@ -8,9 +8,8 @@ use std::ops::Range;
 
 /// What can be summed: the join of the sums over two neighbouring ranges is that over both.
 pub trait Join: Copy {
-    /// Sums over this range and `next`, which follows it.
-    #[must_use]
-    fn join(&self, next: &Self) -> Self;
+    /// Takes in the sums over `next`, the range that follows this one. In place: sums are large.
+    fn absorb(&mut self, next: &Self);
 }
 
 /// Sums over the aligned block of 2^level runs from `start`.
@@ -38,8 +37,9 @@ impl<T: Join> Block<T> {
     }
 
     #[inline]
-    fn join(&self, next: &Self) -> Self {
-        Self { start: self.start, level: self.level + 1, sums: self.sums.join(&next.sums) }
+    fn absorb(&mut self, next: &Self) {
+        self.level += 1;
+        self.sums.absorb(&next.sums);
     }
 }
 
@@ -69,15 +69,17 @@ impl<T: Join> AlignedSums<T> {
 
     /// Appends a block that starts after all others, and joins whatever it completes.
     #[inline]
-    pub fn push(&mut self, mut block: Block<T>) {
-        while let Some(last) = self.blocks.last() {
-            if !last.is_sibling_before(&block) {
-                break;
-            }
-            block = last.join(&block);
-            self.blocks.pop();
+    pub fn push(&mut self, block: Block<T>) {
+        match self.blocks.last_mut() {
+            Some(last) if last.is_sibling_before(&block) => last.absorb(&block),
+            _ => return self.blocks.push(block),
         }
-        self.blocks.push(block);
+        while let [.., before, last] = self.blocks.as_mut_slice()
+            && before.is_sibling_before(last)
+        {
+            before.absorb(last);
+            self.blocks.truncate(self.blocks.len() - 1);
+        }
     }
 
     /// Adds the runs of `other`. The result does not depend on the order in which ranges are merged.
@@ -112,7 +114,10 @@ impl<T: Join> AlignedSums<T> {
     /// reversed, fixed by the runs alone.
     #[must_use]
     pub fn whole(&self) -> Option<T> {
-        self.blocks.iter().rev().map(|block| block.sums).reduce(|later, earlier| earlier.join(&later))
+        self.blocks.iter().rev().map(|block| block.sums).reduce(|later, mut earlier| {
+            earlier.absorb(&later);
+            earlier
+        })
     }
 }
 
@@ -137,8 +142,8 @@ mod tests {
     struct Span(u64, u64);
 
     impl Join for Span {
-        fn join(&self, next: &Self) -> Self {
-            Self(self.0.min(next.0), self.1 + next.1)
+        fn absorb(&mut self, next: &Self) {
+            *self = Self(self.0.min(next.0), self.1 + next.1);
         }
     }
 

@@ -85,14 +85,12 @@ struct Seen {
 }
 
 impl Join for Seen {
-    fn join(&self, next: &Self) -> Self {
-        Self {
-            met: self.met + next.met,
-            depth: self.depth + next.depth,
-            time: self.time + next.time,
-            normal: self.normal + next.normal,
-            albedo: self.albedo + next.albedo,
-        }
+    fn absorb(&mut self, next: &Self) {
+        self.met += next.met;
+        self.depth += next.depth;
+        self.time += next.time;
+        self.normal += next.normal;
+        self.albedo += next.albedo;
     }
 }
 

@@ -51,6 +51,12 @@ const GOLDEN: f32 = 0.618_034;
 /// With four bounces, where the first vertex drew in proportion and now: pool .0112 and .0039, blur_row .0082 and .0077, mirror
 /// .0122 and .0127, newton .042 and .042.
 const EAGERNESS: f32 = 8.0;
+/// How many times its throughput a path's chance to go on is. What came before it, camera ray, first light and all, cost
+/// more than a bounce does, so that paths should end where what they may still find is small beside their whole noise. relMSE
+/// at 16 runs, 160 x 90, four bounces, with a chance of the throughput itself after two bounces and with eight times that after
+/// one: mirror .0102 and .0082, newton .0264 and .0220, walker .0031 and .0028, for 1.11, .93 and 1.03 of the rays; pool
+/// .0034 and .0034 for .88 of them.
+const PERSISTENCE: f32 = 8.0;
 /// Tells shadow rays' draws from those of the path.
 const SHADOW_SALT: u32 = 1 << 31;
 
@@ -84,8 +90,8 @@ pub struct PathTracer<'a> {
 pub struct PathLengths {
     /// The most diffuse and rough bounces after the first hit; 0 leaves direct light, and what mirrors and glass show.
     pub bounces: u16,
-    /// Bounces that every path makes. After those it goes on with a probability equal to its throughput, and carries
-    /// the light of those that ended (Russian roulette, Arvo and Kirk 1990, "Particle Transport and Image Synthesis").
+    /// Bounces that every path makes. After those it goes on with a probability of [`PERSISTENCE`] times its throughput, and
+    /// carries the light of those that ended (Russian roulette, Arvo and Kirk 1990, "Particle Transport and Image Synthesis").
     pub sure: u16,
 }
 
@@ -167,7 +173,7 @@ impl<'a> PathTracer<'a> {
             }
         }
         if lights.needs_sampling()
-            && let Some(choice) = lights.choice(&query)
+            && let Some(mut choice) = lights.choice(&query)
         {
             let u = Vec2::new(point.get(Factor::light_u(path.vertex)), point.get(Factor::light_v(path.vertex)));
             let count = if path.vertex == 0 { FIRST_LIGHTS } else { 1 };
@@ -176,7 +182,7 @@ impl<'a> PathTracer<'a> {
                 // Strata of the first coordinate, and turns of the second by the golden ratio, keep runs stratified.
                 let x = ((u.x + f32::from(i)) * part).min(ONE_MINUS);
                 let u = Vec2::new(x, (u.y + f32::from(i) * GOLDEN).fract());
-                if let Some(light) = lights.sample(&choice, u) {
+                if let Some(light) = lights.sample(&mut choice, u) {
                     sum += self.lit(path, surface, shading, point, &light, finds) * part;
                 }
             }
@@ -435,7 +441,7 @@ impl PathTracer<'_> {
                     }
                     path.bounces += 1;
                 }
-                let going_on = path.throughput.max_element();
+                let going_on = PERSISTENCE * path.throughput.max_element();
                 if path.bounces > self.lengths.sure && going_on < 1.0 {
                     if point.get(Factor::extra(EXTRA_VERTEX + 2 * number + 1)) >= going_on {
                         return Next::End;

@@ -52,7 +52,7 @@ fn irradiance((scene, stage): &(Scene, Stage), p: Vec3, n: Vec3, grid: u16) -> f
     for i in 0..grid {
         for j in 0..grid {
             let u = (Vec2::new(f32::from(i), f32::from(j)) + 0.5) / f32::from(grid);
-            if let Some(s) = lights.choice(&q).and_then(|choice| lights.sample(&choice, u)) {
+            if let Some(s) = lights.choice(&q).and_then(|mut choice| lights.sample(&mut choice, u)) {
                 assert!(s.pdf_solid_angle.is_finite() && s.pdf_solid_angle > 0.0 && s.radiance.is_finite(), "{s:?}");
                 assert!(s.wi.is_normalized() && s.distance >= 0.0, "{s:?}");
                 sum += f64::from(s.radiance.x) * f64::from(q.normal.dot(s.wi).max(0.0)) / f64::from(s.pdf_solid_angle);

@@ -36,7 +36,7 @@ pub fn settings(size: (u32, u32), runs: u32) -> Settings {
         filter: FilterSpec::BOX,
         texture_filter: TextureFilter::Point,
         bounces: 0,
-        sure_bounces: 2,
+        sure_bounces: 1,
         caustics: graeco::trace::path::Caustics::default(),
         aovs: Default::default(),
     }

@@ -36,7 +36,7 @@ pub(crate) fn settings(size: (u32, u32), runs: u32, bounces: u16) -> Settings {
         filter: FilterSpec::BOX,
         texture_filter: TextureFilter::default(),
         bounces,
-        sure_bounces: 2,
+        sure_bounces: 1,
         caustics: Caustics::Blurred,
         aovs: Vec::new(),
     }

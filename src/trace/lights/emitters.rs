@@ -39,16 +39,16 @@ enum Place {
     Moving,
     /// Always there; 1 where the instance keeps the winding of its triangles, −1 where it mirrors them.
     Triangle([Vec3A; 3], f32),
-    /// Always there, with the next triangle's number.
-    Rectangle(Rectangle, u32),
+    /// Always there: its number among the rectangles, and the second triangle's.
+    Rectangle(u32, u32),
 }
 
 /// Where an emitter is at an instant.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Shape {
+pub(super) enum Shape<'a> {
     /// Corners, and 1 if they run counter-clockwise seen from the front, −1 if clockwise.
     Triangle([Vec3A; 3], f32),
-    Rectangle(Rectangle),
+    Rectangle(&'a Rectangle),
 }
 
 /// A piece of a triangle cut into `cuts`² congruent ones.
@@ -112,6 +112,7 @@ struct Span {
 pub(super) struct Emitters {
     pub(super) list: Vec<Emitter>,
     pub(super) extents: Vec<Extent>,
+    rectangles: Vec<Rectangle>,
     /// By instance; `None` for those that emit nothing.
     spans: Vec<Option<Span>>,
     /// The emitter of every piece of every emissive triangle.
@@ -195,7 +196,9 @@ impl Emitters {
                 if let Some(rectangle) = Rectangle::of_triangles(&poses[0].1, &next, winding) {
                     taken = Some(triangle + 1);
                     self.numbers.extend([self.list.len() as u32; 2]);
-                    self.list.push(Emitter { place: Place::Rectangle(rectangle, triangle + 1), ..emitter });
+                    let place = Place::Rectangle(self.rectangles.len() as u32, triangle + 1);
+                    self.rectangles.push(rectangle);
+                    self.list.push(Emitter { place, ..emitter });
                     self.extents.push(rectangle.extent(luminance(material.emissive), material.double_sided));
                     continue;
                 }
@@ -226,11 +229,11 @@ impl Emitters {
 
     /// Where emitter `number` is at `u_time`.
     #[inline]
-    pub(super) fn shape(&self, scene: &Scene, stage: &Stage, number: usize, u_time: f32) -> Shape {
+    pub(super) fn shape(&self, scene: &Scene, stage: &Stage, number: usize, u_time: f32) -> Shape<'_> {
         let e = &self.list[number];
-        match &e.place {
-            Place::Triangle(corners, winding) => Shape::Triangle(*corners, *winding),
-            Place::Rectangle(rectangle, _) => Shape::Rectangle(*rectangle),
+        match e.place {
+            Place::Triangle(corners, winding) => Shape::Triangle(corners, winding),
+            Place::Rectangle(rectangle, _) => Shape::Rectangle(&self.rectangles[rectangle as usize]),
             Place::Moving => {
                 let whole = triangle_at(scene, stage, e.instance, e.triangle, u_time);
                 let corners = if e.piece == WHOLE { whole } else { e.piece.corners().map(|b| blend(&whole, b)) };

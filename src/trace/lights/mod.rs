@@ -57,10 +57,12 @@ impl LightQuery {
 
 /// The choice of lights at one receiving point.
 #[derive(Debug, Clone, Copy)]
-pub struct LightChoice {
+pub struct LightChoice<'a> {
     query: LightQuery,
     root: Root,
     shares: Shares,
+    /// The emitter that was drawn last, as the point sees it: likely the next one too.
+    last: Option<(usize, SeenShape<'a>)>,
 }
 
 /// Light that may arrive, were nothing in the way.
@@ -194,15 +196,15 @@ impl<'a> Lights<'a> {
 
     /// The choice of lights at `q`, to draw from as often as need be. `None` where none can reach it.
     #[must_use]
-    pub fn choice(&self, q: &LightQuery) -> Option<LightChoice> {
+    pub fn choice(&self, q: &LightQuery) -> Option<LightChoice<'_>> {
         let root = self.tree.root(q.receiver());
-        Some(LightChoice { query: *q, root, shares: self.shares(q, || root)? })
+        Some(LightChoice { query: *q, root, shares: self.shares(q, || root)?, last: None })
     }
 
     /// Chooses a light and a point on it.
     #[must_use]
-    pub fn sample(&self, choice: &LightChoice, u: Vec2) -> Option<LightSample> {
-        let LightChoice { query: q, root, shares } = choice;
+    pub fn sample<'s>(&'s self, choice: &mut LightChoice<'s>, u: Vec2) -> Option<LightSample> {
+        let LightChoice { query: q, root, shares, last } = choice;
         let (group, x) = split(u.x, shares.tree);
         let mut u = Vec2::new(x, u.y);
         if group == Side::First {
@@ -210,7 +212,7 @@ impl<'a> Lights<'a> {
             let chance = chance * shares.tree;
             return match light.checked_sub(self.emitters.list.len()) {
                 Some(i) => self.punctual_sample(self.near[i], q, chance, u),
-                None => self.emitter_sample(light, q, chance, u),
+                None => self.emitter_sample(light, q, last, chance, u),
             };
         }
         let (group, x) = split(u.x, (shares.environment / (1.0 - shares.tree)).min(1.0));
@@ -255,15 +257,19 @@ impl<'a> Lights<'a> {
         })
     }
 
-    fn emitter_sample(&self, number: usize, q: &LightQuery, chance: f32, u: Vec2) -> Option<LightSample> {
+    fn emitter_sample<'s>(
+        &'s self,
+        number: usize,
+        q: &LightQuery,
+        last: &mut Option<(usize, SeenShape<'s>)>,
+        chance: f32,
+        u: Vec2,
+    ) -> Option<LightSample> {
         let emitter = &self.emitters.list[number];
-        if !self.stage.instances[emitter.instance as usize].motion.presence().holds(q.u_time) {
-            return None;
-        }
-        let seen = SeenShape::new(self.emitters.shape(self.scene, self.stage, number, q.u_time), q.position)?;
-        if !emitter.double_sided && seen.facing() <= 0.0 {
-            return None;
-        }
+        let seen = match last {
+            Some((same, seen)) if *same == number => seen,
+            _ => &mut last.insert((number, self.seen_emitter(number, q)?)).1,
+        };
         let s = seen.sample(u)?;
         let radiance = emitter.plain.unwrap_or_else(|| self.textured_emission(number, s.place, unrelated(u)));
         (radiance != Vec3::ZERO).then(|| LightSample {
@@ -274,6 +280,16 @@ impl<'a> Lights<'a> {
             is_delta: false,
             emitter: Some((emitter.instance, self.emitters.triangle_of(number, s.place))),
         })
+    }
+
+    /// Emitter `number` as `q` sees it; `None` where it shows nothing bright.
+    fn seen_emitter(&self, number: usize, q: &LightQuery) -> Option<SeenShape<'_>> {
+        let emitter = &self.emitters.list[number];
+        if !self.stage.instances[emitter.instance as usize].motion.presence().holds(q.u_time) {
+            return None;
+        }
+        let seen = SeenShape::new(self.emitters.shape(self.scene, self.stage, number, q.u_time), q.position)?;
+        (emitter.double_sided || seen.facing() > 0.0).then_some(seen)
     }
 
     /// What emitter `number` emits at `barycentric` weights of its own.
@@ -412,17 +428,19 @@ fn unrelated(u: Vec2) -> f32 {
 }
 
 /// An emitter's shape as its receiving point sees it.
-enum SeenShape {
+#[derive(Debug, Clone, Copy)]
+enum SeenShape<'a> {
     /// With 1 where the corners run counter-clockwise seen from the front, −1 where clockwise.
     Triangle(SeenTriangle, f32),
-    Rectangle(SeenRectangle),
+    Rectangle(SeenRectangle<'a>),
 }
 
-impl SeenShape {
-    fn new(shape: Shape, from: Vec3A) -> Option<Self> {
+impl<'a> SeenShape<'a> {
+    #[inline]
+    fn new(shape: Shape<'a>, from: Vec3A) -> Option<Self> {
         match shape {
             Shape::Triangle(corners, winding) => SeenTriangle::new(corners, from).map(|s| Self::Triangle(s, winding)),
-            Shape::Rectangle(rectangle) => SeenRectangle::new(&rectangle, from).map(Self::Rectangle),
+            Shape::Rectangle(rectangle) => SeenRectangle::new(rectangle, from).map(Self::Rectangle),
         }
     }
 

@@ -12,8 +12,12 @@ use std::f32::consts::TAU;
 /// A rectangle in the world: a corner and the two edges from it, whose cross product points to its front.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rectangle {
-    pub(super) corner: Vec3A,
-    pub(super) edges: [Vec3A; 2],
+    corner: Vec3A,
+    edges: [Vec3A; 2],
+    /// Unit vectors along the edges, and the normal.
+    axes: [DVec3; 3],
+    /// The edges' lengths.
+    size: [f64; 2],
 }
 
 impl Rectangle {
@@ -32,9 +36,18 @@ impl Rectangle {
             let square = ex.dot(ey).abs() <= 2.0 * rounding * (ex.length() + ey.length());
             let large = size > 1024.0 * rounding;
             let edges = if winding > 0.0 { [ex, ey] } else { [ey, ex] };
-            return (closes && square && large).then_some(Self { corner, edges });
+            return if closes && square && large { Self::new(corner, edges) } else { None };
         }
         None
+    }
+
+    /// `None` for one without area.
+    fn new(corner: Vec3A, edges: [Vec3A; 2]) -> Option<Self> {
+        let [ex, ey] = edges.map(|e| e.as_dvec3());
+        let size = [ex.length(), ey.length()];
+        let (ax, ay) = (ex / size[0], ey / size[1]);
+        let n = ax.cross(ay);
+        n.is_finite().then_some(Self { corner, edges, axes: [ax, ay, n], size })
     }
 
     /// How it looks in the tree, with radiance of luminance `emission`.
@@ -57,93 +70,85 @@ impl Rectangle {
 
 /// A rectangle relative to the receiving point.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct SeenRectangle {
-    /// Unit axes along the edges, and the normal that points away from the receiving point.
-    axes: [DVec3; 3],
+pub(super) struct SeenRectangle<'a> {
+    rectangle: &'a Rectangle,
     /// The edges' ends along the axes, with the receiving point at 0.
     x: [f64; 2],
     y: [f64; 2],
-    /// Distance of the plane, ≥ 0.
-    z: f64,
-    facing: f32,
+    /// The plane along its normal: negative where the point is before the front.
+    along: f64,
     solid_angle: f32,
 }
 
-/// A complex number of length one: an angle's cosine and sine.
+/// A complex number whose argument is an angle; its length means nothing.
 type Turn = [f64; 2];
 
 fn turned(a: Turn, b: Turn) -> Turn {
     [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
 }
 
-impl SeenRectangle {
-    /// `rectangle` as seen from `from`; `None` for one without area.
-    pub(super) fn new(rectangle: &Rectangle, from: Vec3A) -> Option<Self> {
-        let [ex, ey] = rectangle.edges.map(|e| e.as_dvec3());
+impl<'a> SeenRectangle<'a> {
+    /// `rectangle` as seen from `from`; `None` where numbers leave f64.
+    #[inline]
+    pub(super) fn new(rectangle: &'a Rectangle, from: Vec3A) -> Option<Self> {
         let to = (rectangle.corner - from).as_dvec3();
-        let (width, height) = (ex.length(), ey.length());
-        let (ax, ay) = (ex / width, ey / height);
-        let n = ax.cross(ay);
-        if !n.is_finite() {
-            return None;
-        }
-        let along = to.dot(n);
-        let (x0, y0, z) = (to.dot(ax), to.dot(ay), along.abs());
+        let [ax, ay, n] = rectangle.axes;
+        let (x0, y0) = (to.dot(ax), to.dot(ay));
         let mut seen = Self {
-            axes: [ax, ay, if along < 0.0 { -n } else { n }],
-            x: [x0, x0 + width],
-            y: [y0, y0 + height],
-            z,
-            // As for triangles: positive where the point is before the front.
-            facing: if along < 0.0 { 1.0 } else { -f32::from(u8::from(along > 0.0)) },
+            rectangle,
+            x: [x0, x0 + rectangle.size[0]],
+            y: [y0, y0 + rectangle.size[1]],
+            along: to.dot(n),
             solid_angle: 0.0,
         };
-        let inner = [(1, 0), (1, 1), (0, 1), (0, 0)].map(|(i, j)| seen.inner_angle(i, j));
         // The four angles exceed a flat rectangle's, 2π, by the solid angle.
-        let [cos, sin] = inner.into_iter().reduce(turned)?;
+        let low = turned(seen.inner_angle(0, 0), seen.inner_angle(0, 1));
+        let high = turned(seen.inner_angle(1, 0), seen.inner_angle(1, 1));
+        let [cos, sin] = turned(low, high);
         let excess = angle_of(sin, cos);
         seen.solid_angle = if excess < 0.0 { excess + TAU } else { excess };
-        seen.solid_angle.is_finite().then_some(seen)
+        (cos.is_finite() && sin.is_finite()).then_some(seen)
     }
 
-    /// The inner angle of the spherical rectangle at the corner of end `i` in x and end `j` in y.
+    /// The inner angle of the spherical rectangle at the corner of end `i` in x and end `j` in y: between the planes
+    /// through the point and the two edges there. The length is that of their normals together, √(x² + z²) √(y² + z²).
+    #[inline]
     fn inner_angle(&self, i: usize, j: usize) -> Turn {
-        // Towards the outside of either edge.
-        let x = if i == 0 { -self.x[0] } else { self.x[1] };
-        let y = if j == 0 { -self.y[0] } else { self.y[1] };
-        let z2 = self.z * self.z;
-        let below = ((x * x + z2) * (y * y + z2)).sqrt();
-        [-x * y / below, self.z * (x * x + y * y + z2).sqrt() / below]
+        let (x, y, z) = (self.x[i], self.y[j], self.along);
+        // Towards the outside of both edges x and y have the same sign at equal ends.
+        let cos = if i == j { -x * y } else { x * y };
+        [cos, z.abs() * (x * x + y * y + z * z).sqrt()]
     }
 
     /// Positive where the receiving point is before the front, negative behind, 0 in the plane.
     pub(super) fn facing(&self) -> f32 {
-        self.facing
+        f32::from(i8::from(self.along < 0.0) - i8::from(self.along > 0.0))
     }
 
     /// Density by solid angle of the unit direction `wi`, which meets the rectangle at `distance`.
+    #[inline]
     #[allow(clippy::cast_possible_truncation, reason = "a density, rounded once")]
     pub(super) fn pdf(&self, wi: Vec3A, distance: f32) -> f32 {
         if self.solid_angle >= LEAST_SOLID_ANGLE {
             return 1.0 / self.solid_angle;
         }
         // pdf = d² / (A |cos|).
-        let area = (self.x[1] - self.x[0]) * (self.y[1] - self.y[0]);
-        let flux = (area * self.axes[2].dot(wi.as_dvec3()).abs()) as f32;
+        let Rectangle { axes, size, .. } = self.rectangle;
+        let flux = (size[0] * size[1] * axes[2].dot(wi.as_dvec3()).abs()) as f32;
         if flux > 0.0 { (distance / flux * distance).min(f32::MAX) } else { 0.0 }
     }
 
     /// A direction towards the rectangle.
+    #[inline]
     #[allow(clippy::cast_possible_truncation, reason = "computed in f64, rounded once")]
     pub(super) fn sample(&self, u: Vec2) -> Option<ShapeSample> {
-        let (width, height) = (self.x[1] - self.x[0], self.y[1] - self.y[0]);
+        let Rectangle { axes: [ax, ay, n], size: [width, height], .. } = *self.rectangle;
         let (x, y) = if self.solid_angle < LEAST_SOLID_ANGLE {
             (self.x[0] + width * f64::from(u.x), self.y[0] + height * f64::from(u.y))
         } else {
             self.spherical(u)
         };
-        let [ax, ay, n] = self.axes;
-        let to = ax * x + ay * y + n * self.z;
+        let to = ax * x + ay * y + n * self.along;
         let distance = to.length();
         let wi = (to / distance).as_vec3a();
         let place = Vec2::new(((x - self.x[0]) / width) as f32, ((y - self.y[0]) / height) as f32);
@@ -153,21 +158,23 @@ impl SeenRectangle {
     }
 
     /// Where in the plane a direction uniform by solid angle goes.
+    #[inline]
     fn spherical(&self, u: Vec2) -> (f64, f64) {
         let [x0, x1] = self.x;
         let [y0, y1] = self.y;
-        let z2 = self.z * self.z;
+        let z2 = self.along * self.along;
         // The angle u S + 2π − γ₂ − γ₃, with γ₂ and γ₃ at the corners of x₀.
         let (sin, cos) = libm::sincos(f64::from(u.x) * f64::from(self.solid_angle));
         let rest = turned(self.inner_angle(0, 1), self.inner_angle(0, 0));
-        let [cos, sin] = turned([cos, sin], [rest[0], -rest[1]]);
-        let (b0, b1) = (-y0 / (y0 * y0 + z2).sqrt(), y1 / (y1 * y1 + z2).sqrt());
-        // cu = ±1 / √(f² + b₀²) with f = (cos b₀ − b₁) / sin, without the quotient.
+        let (h0, h1) = (1.0 / (y0 * y0 + z2).sqrt(), 1.0 / (y1 * y1 + z2).sqrt());
+        let unit = h0 * h1 / (x0 * x0 + z2);
+        let [cos, sin] = turned([cos, sin], [rest[0] * unit, -rest[1] * unit]);
+        let (b0, b1) = (-y0 * h0, y1 * h1);
+        // cu = ±1 / √(f² + b₀²) with f = (cos b₀ − b₁) / sin, and x = cu z / √(1 − cu²): in one root, without the quotient,
+        // and with 1 − b₀² as the square that it is.
         let f = cos * b0 - b1;
-        let below = (f * f + b0 * b0 * sin * sin).sqrt();
-        let cu = if below > 0.0 { (sin / below).clamp(-1.0, 1.0) } else { 0.0 };
-        let cu = if f * sin > 0.0 { cu.abs() } else { -cu.abs() };
-        let x = (cu * self.z / (1.0 - cu * cu).sqrt()).clamp(x0, x1);
+        let below = (f * f - z2 * h0 * h0 * (sin * sin)).max(0.0).sqrt();
+        let x = ((self.along * sin).abs() / below).copysign(f * sin).clamp(x0, x1);
         let x = if x.is_nan() { x0 } else { x };
         let d2 = x * x + z2;
         let (h0, h1) = (y0 / (d2 + y0 * y0).sqrt(), y1 / (d2 + y1 * y1).sqrt());

@@ -52,7 +52,7 @@ pub(super) fn at(x: f32, y: f32, z: f32) -> Motion {
 }
 
 fn sampled(lights: &Lights<'_>, q: &LightQuery, u: Vec2) -> Option<LightSample> {
-    lights.sample(&lights.choice(q)?, u)
+    lights.sample(&mut lights.choice(q)?, u)
 }
 
 fn query(position: Vec3, normal: Vec3) -> LightQuery {
@@ -370,7 +370,7 @@ fn no_light_that_acts_is_left_out() {
             let normal = crate::trace::warp::sphere_from_square(draws.pair());
             let q = LightQuery { position: position.into(), normal, sides: Sides::Above, u_time: draws.unit() };
             let light = (draws.unit() * lights.emitters.list.len() as f32) as usize;
-            let Some(s) = lights.emitter_sample(light, &q, 1.0, draws.pair()) else { continue };
+            let Some(s) = lights.emitter_sample(light, &q, &mut None, 1.0, draws.pair()) else { continue };
             if s.wi.dot(normal) > 1e-4 {
                 acting += 1;
                 assert!(lights.tree.chance(light, &q.receiver()) > 0.0, "light {light} at {q:?}");
@@ -484,7 +484,8 @@ fn the_tree_beats_choice_by_power_on_ten_thousand_triangles() {
                 let tree = value(sampled(lights, &q, draws.pair()));
                 let chosen = f64::from(draws.unit());
                 let light = sums.partition_point(|&s| s <= chosen).min(sums.len() - 1);
-                let power = value(lights.emitter_sample(light, &q, (power[light] / total) as f32, draws.pair()));
+                let power =
+                    value(lights.emitter_sample(light, &q, &mut None, (power[light] / total) as f32, draws.pair()));
                 for (m, v) in moments.iter_mut().zip([tree, power]) {
                     m[0] += v / f64::from(n);
                     m[1] += v * v / f64::from(n);
