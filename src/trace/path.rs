@@ -90,8 +90,8 @@ pub struct PathTracer<'a> {
 pub struct PathLengths {
     /// The most diffuse and rough bounces after the first hit; 0 leaves direct light, and what mirrors and glass show.
     pub bounces: u16,
-    /// Bounces that every path makes. After those it goes on with a probability of [`PERSISTENCE`] times its throughput, and
-    /// carries the light of those that ended (Russian roulette, Arvo and Kirk 1990, "Particle Transport and Image Synthesis").
+    /// Bounces that every path makes. After those it goes on with a probability of eight times its throughput, and carries
+    /// the light of those that ended (Russian roulette, Arvo and Kirk 1990, "Particle Transport and Image Synthesis").
     pub sure: u16,
 }
 
