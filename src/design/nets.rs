@@ -109,6 +109,15 @@ impl NetTables {
         Self { bytes, bits, tables }
     }
 
+    /// The same for indices whose `bits` bits are reversed.
+    pub(crate) fn of_reversed_index(matrices: &[Matrix], bits: u32) -> Self {
+        let turned: Vec<Matrix> = matrices
+            .iter()
+            .map(|matrix| (0..bits as usize).rev().map(|b| matrix.get(b).copied().unwrap_or(0)).collect())
+            .collect();
+        Self::new(&turned, bits)
+    }
+
     /// Bits of an index.
     pub(crate) fn bits(&self) -> u32 {
         self.bits

@@ -1,6 +1,6 @@
 //! The strata of all of a pixel's runs, written down once: cheaper than a permutation for each draw.
 
-use super::hash::fill_permutation;
+use super::hash::{Digits, fill_permutation};
 use super::refine::ArrayMethod;
 
 /// Bytes for one pixel.
@@ -20,7 +20,7 @@ impl Placed {
 
     /// Independent uniform permutations, row `i` by `key(i)`.
     pub(crate) fn independent(runs: u32, rows: usize, key: impl Fn(usize) -> u64) -> Self {
-        Self::new(runs, rows, |row, out| fill_permutation(out, key(row)))
+        Self::new(runs, rows, |row, out| fill_permutation(out, &mut Digits::new(key(row))))
     }
 
     /// Those of an orthogonal array's columns, column `i` by `key(i)`.

@@ -5,7 +5,7 @@ use super::array::OrthogonalArray;
 use super::choose::{Choice, choose, cube_root, square_root};
 use super::disk::{DiskTiles, Process};
 use super::dither::{self, Place, ZOrder};
-use super::hash::{permute, scramble_reversed, shuffle_index, subkey, subseed};
+use super::hash::{draw, permute, scramble_reversed, shuffle_index, shuffle_reversed, subkey, subseed};
 use super::kind::{Dither, Kind, Mask, Over};
 use super::nets::{self, NetTables};
 use super::placed::Placed;
@@ -89,7 +89,7 @@ pub struct Design {
     room: usize,
     /// Permutations of the runs that are written down for each pixel.
     placed: usize,
-    /// Four factors of any further vertex.
+    /// Four factors of any further vertex, by the reversed index.
     pad: NetTables,
 }
 
@@ -125,7 +125,7 @@ impl Design {
             || nets::sobol(4, bits.max(1)),
             |set| set.into_iter().skip(PAIRED).take(4).collect::<Vec<_>>(),
         );
-        let pad = NetTables::new(&pad, bits);
+        let pad = NetTables::of_reversed_index(&pad, bits);
         let seed_key = numeric::mix64(options.seed ^ 0x6772_6165_636f);
         let line_step = options.line_step.max(1);
         Self {
@@ -227,6 +227,12 @@ impl Design {
         }
         seeds
     }
+}
+
+/// The upper 32 bits, which are mixed best.
+#[inline]
+const fn upper_half(bits: u64) -> u32 {
+    (bits >> 32) as u32
 }
 
 /// Key of an array's column in one pixel.
@@ -356,7 +362,7 @@ impl Point<'_> {
     /// 32 independent bits for `factor`.
     #[inline]
     fn jitter(&self, factor: Factor) -> u32 {
-        subseed(self.pixel.key, tag::JITTER | u64::from(factor.index()) << 32 | u64::from(self.run))
+        upper_half(draw(self.pixel.key, (u64::from(self.run) << 16 | u64::from(factor.index())) << 1))
     }
 
     /// One of N strata of [0, 1), by the factor's own permutation, which is written down in `row` where there is room.
@@ -381,11 +387,16 @@ impl Point<'_> {
         let design = self.pixel.design;
         match &self.pixel.placed {
             Some(placed) if row < design.placed => placed.stratum(design.runs, row, self.run),
-            _ => {
-                let key = subkey(self.pixel.key, tag::SHUFFLE | 1 << 16 | u64::from(number));
-                permute(self.run, design.runs, key)
-            }
+            _ => self.hashed(number),
         }
+    }
+
+    /// This run's image under a permutation that is hashed by `number`. Kept out of line: what is written down is read
+    /// without its registers.
+    #[inline(never)]
+    fn hashed(&self, number: u16) -> u32 {
+        let key = subkey(self.pixel.key, tag::SHUFFLE | 1 << 16 | u64::from(number));
+        permute(self.run, self.pixel.design.runs, key)
     }
 
     /// The stratum that the array and its refinement give.
@@ -408,9 +419,12 @@ impl Point<'_> {
         } else {
             ((index - 5) / Factor::PER_VERTEX, (index - 5) % Factor::PER_VERTEX)
         };
-        let key = subkey(self.pixel.key, tag::SHUFFLE | 2 << 16 | u64::from(group) << 32);
-        let run = shuffle_index(self.run, design.pad.bits(), subseed(key, 4));
-        scramble_reversed(design.pad.reversed(usize::from(column), run), subseed(key, u64::from(column))).reverse_bits()
+        // Odd numbers are the pads', even ones the jitters'.
+        let own = |number: u64| draw(self.pixel.key, (u64::from(group) << 16 | number) << 1 | 1);
+        let (key, seed) = (own(0), own(1 + u64::from(column)));
+        let bits = design.pad.bits();
+        let run = shuffle_reversed(self.run.reverse_bits() >> (32 - bits.max(1)), bits, upper_half(key));
+        scramble_reversed(design.pad.reversed(usize::from(column), run), upper_half(seed)).reverse_bits()
     }
 
     /// Whether the mask governs `factor`.

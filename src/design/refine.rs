@@ -1,7 +1,7 @@
 //! Orthogonal arrays refined to Latin hypercubes, with fresh permutations of their levels in each pixel.
 
 use super::array::OrthogonalArray;
-use super::hash::{fill_permutation, permute, subkey};
+use super::hash::{Digits, fill_permutation, permute, subkey};
 
 /// An orthogonal array, refined.
 #[derive(Debug, Clone)]
@@ -54,6 +54,7 @@ impl ArrayMethod {
     }
 
     /// The stratum of one run in `column`: its level under a permutation of all, refined by one of the level's runs.
+    #[inline(never)]
     pub(crate) fn stratum(&self, run: u32, column: usize, key: u64) -> u32 {
         let level = permute(u32::from(self.array.level(run, column)), self.array.levels(), key);
         level * self.per_level + permute(self.rank(run, column), self.per_level, subkey(key, self.group(level) << 32))
@@ -63,15 +64,19 @@ impl ArrayMethod {
     pub(crate) fn fill_strata(&self, column: usize, key: u64, out: &mut [u8]) {
         let (levels, per_level) = (self.array.levels() as usize, self.per_level as usize);
         let (mut images, mut inner) = ([0_u8; 256], [0_u8; 256]);
-        fill_permutation(&mut images[..levels], key);
-        for (level, places) in (0..).zip(inner[..out.len()].chunks_exact_mut(per_level)) {
-            fill_permutation(places, subkey(key, self.group(level) << 32));
+        let mut digits = Digits::new(key);
+        fill_permutation(&mut images[..levels], &mut digits);
+        for (level, places) in inner[..out.len()].chunks_exact_mut(per_level).enumerate() {
+            if level == 0 || !self.correlated {
+                fill_permutation(places, &mut digits);
+            }
         }
         for (run, stratum) in (0..).zip(out) {
             let first = usize::from(images[usize::from(self.array.level(run, column))]) * per_level;
+            let inner_first = if self.correlated { 0 } else { first };
             #[allow(clippy::cast_possible_truncation, reason = "below the number of runs, at most 256")]
             let first_stratum = first as u8;
-            *stratum = first_stratum + inner[first + self.rank(run, column) as usize];
+            *stratum = first_stratum + inner[inner_first + self.rank(run, column) as usize];
         }
     }
 }

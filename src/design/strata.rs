@@ -12,8 +12,8 @@ pub(crate) struct Strata {
     runs: u32,
     /// Where each stratum starts, in 2⁻²⁴, and the end of the last.
     bounds: Vec<u32>,
-    /// Sides of each cell in 2⁻²⁴: left, right, top, bottom.
-    cells: Vec<[u32; 4]>,
+    /// Sides of each cell in 2⁻²⁴: left and right, top and bottom.
+    cells: Vec<[[u32; 2]; 2]>,
 }
 
 impl Strata {
@@ -34,15 +34,24 @@ impl Strata {
         let at = stratum as usize;
         match self.bounds.get(at..at + 2) {
             Some(&[low, high]) => between(low, high, position),
-            _ => point_in_stratum(stratum, self.runs, position) << 8,
+            _ => self.divided(stratum, position),
         }
+    }
+
+    /// [`Self::point`] where no bounds are kept.
+    #[cold]
+    fn divided(&self, stratum: u32, position: u32) -> u32 {
+        point_in_stratum(stratum, self.runs, position) << 8
     }
 
     /// One coordinate of a point of cell `index`: across, or down if `second`.
     #[inline]
     pub(crate) fn cell_point(&self, index: u32, second: bool, position: u32) -> u32 {
-        let sides = self.cells.get(index as usize).copied().unwrap_or_else(|| cell(index, self.runs));
-        if second { between(sides[2], sides[3], position) } else { between(sides[0], sides[1], position) }
+        let [low, high] = match self.cells.get(index as usize) {
+            Some(sides) => sides[usize::from(second)],
+            None => cell(index, self.runs)[usize::from(second)],
+        };
+        between(low, high, position)
     }
 }
 
@@ -55,7 +64,7 @@ fn between(low: u32, high: u32, position: u32) -> u32 {
 }
 
 /// Sides of cell `index` of `runs`.
-fn cell(index: u32, runs: u32) -> [u32; 4] {
+fn cell(index: u32, runs: u32) -> [[u32; 2]; 2] {
     let rows = round_root(runs);
     let (short, longer) = (runs / rows, runs % rows);
     // The first `longer` rows have one cell more.
@@ -67,7 +76,7 @@ fn cell(index: u32, runs: u32) -> [u32; 4] {
     };
     let end = |stratum: u32, n: u32| if stratum == n { 1 << 24 } else { point_in_stratum(stratum, n, 0) };
     let column = index - start;
-    [end(column, width), end(column + 1, width), end(start, runs), end(start + width, runs)]
+    [[end(column, width), end(column + 1, width)], [end(start, runs), end(start + width, runs)]]
 }
 
 /// The whole number nearest to √n.
@@ -99,7 +108,7 @@ mod tests {
         for runs in [1, 2, 3, 5, 11, 16, 37, 64, 4096] {
             let strata = Strata::new(runs);
             let mut sum = 0.0;
-            for &[left, right, top, bottom] in &strata.cells {
+            for &[[left, right], [top, bottom]] in &strata.cells {
                 let area = f64::from(right - left) * f64::from(bottom - top) / 2.0_f64.powi(48);
                 assert!((area * f64::from(runs) - 1.0).abs() < 1e-3, "{runs} runs: {area}");
                 sum += area;
