@@ -65,7 +65,7 @@ pub(crate) const fn shuffle_index(index: u32, bits: u32, seed: u32) -> u32 {
 /// [`shuffle_index`] of an index whose `bits` bits are reversed, and that has no more; reversed as well.
 #[inline]
 pub(crate) const fn shuffle_reversed(reversed: u32, bits: u32, seed: u32) -> u32 {
-    scramble_reversed(reversed, seed) & ((1_u64 << bits) - 1) as u32
+    scramble_reversed(reversed, seed) & low_half((1 << bits) - 1)
 }
 
 /// The image of `index` under a permutation of 0..`n` chosen by `key`; `index < n`.

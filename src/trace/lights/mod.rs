@@ -8,6 +8,7 @@
 mod emitters;
 mod punctual;
 mod rectangle;
+mod seen;
 mod spheres;
 mod tree;
 mod triangle;
@@ -21,13 +22,12 @@ use crate::effects::MOST_LIGHTS_VISITED;
 use crate::factor::compiled;
 use crate::numeric::{gamma, mix64, unit_from_bits};
 use crate::scene::{Scene, Stage};
-use emitters::{Emitters, Shape, attributes_at};
+use emitters::{Emitters, attributes_at};
 use glam::{Vec2, Vec3, Vec3A};
 use punctual::Nature;
-use rectangle::SeenRectangle;
+use seen::SeenShape;
 use spheres::Spheres;
 use tree::{Receiver, Root, Tree};
-use triangle::{SeenTriangle, ShapeSample};
 
 /// Where light is received.
 #[derive(Debug, Clone, Copy)]
@@ -425,46 +425,6 @@ impl<'a> Lights<'a> {
 #[allow(clippy::cast_possible_truncation, reason = "the upper half is what is wanted")]
 fn unrelated(u: Vec2) -> f32 {
     unit_from_bits((mix64(u64::from(u.x.to_bits()) << 32 | u64::from(u.y.to_bits())) >> 32) as u32)
-}
-
-/// An emitter's shape as its receiving point sees it.
-#[derive(Debug, Clone, Copy)]
-enum SeenShape<'a> {
-    /// With 1 where the corners run counter-clockwise seen from the front, −1 where clockwise.
-    Triangle(SeenTriangle, f32),
-    Rectangle(SeenRectangle<'a>),
-}
-
-impl<'a> SeenShape<'a> {
-    #[inline]
-    fn new(shape: Shape<'a>, from: Vec3A) -> Option<Self> {
-        match shape {
-            Shape::Triangle(corners, winding) => SeenTriangle::new(corners, from).map(|s| Self::Triangle(s, winding)),
-            Shape::Rectangle(rectangle) => SeenRectangle::new(rectangle, from).map(Self::Rectangle),
-        }
-    }
-
-    /// Positive where the point is before the front.
-    fn facing(&self) -> f32 {
-        match self {
-            Self::Triangle(seen, winding) => seen.facing() * winding,
-            Self::Rectangle(seen) => seen.facing(),
-        }
-    }
-
-    fn sample(&self, u: Vec2) -> Option<ShapeSample> {
-        match self {
-            Self::Triangle(seen, _) => seen.sample(u),
-            Self::Rectangle(seen) => seen.sample(u),
-        }
-    }
-
-    fn pdf(&self, wi: Vec3A, distance: f32) -> f32 {
-        match self {
-            Self::Triangle(seen, _) => seen.pdf(wi, distance),
-            Self::Rectangle(seen) => seen.pdf(wi, distance),
-        }
-    }
 }
 
 /// Estimates of irradiance are held below this, so that sums and ratios stay finite.
