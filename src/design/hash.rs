@@ -219,7 +219,7 @@ mod tests {
 
     /// H₀: the upper bits of draws that differ in the use, the factor, the run or the pixel are independent. n = 2²⁰ pairs a
     /// case, seed 8, in 16 × 16 cells; α = 0.001 a case (χ² with 255 degrees of freedom: 330.5). A twelfth of the cells
-    /// 8 % too frequent is found with power 0.99. Keys that are neighbours and not mixed must be rejected.
+    /// 4 % too frequent (noncentrality 126) is found with power 0.9. Keys that are neighbours and not mixed must be rejected.
     #[test]
     fn draws_of_neighbours_are_independent() {
         let pairs = |step: u64, other: &dyn Fn(u64) -> u64| {

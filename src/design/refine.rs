@@ -54,6 +54,7 @@ impl ArrayMethod {
     }
 
     /// The stratum of one run in `column`: its level under a permutation of all, refined by one of the level's runs.
+    /// Kept out of line: strata that are written down are read without its registers.
     #[inline(never)]
     pub(crate) fn stratum(&self, run: u32, column: usize, key: u64) -> u32 {
         let level = permute(u32::from(self.array.level(run, column)), self.array.levels(), key);
