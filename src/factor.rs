@@ -22,7 +22,7 @@ impl Factor {
     pub const LENS_V: Self = Self(4);
     /// Factors in each path vertex's group.
     pub const PER_VERTEX: u16 = 4;
-    const FIRST_VERTEX: u16 = 5;
+    pub(crate) const FIRST_VERTEX: u16 = 5;
     const FIRST_EXTRA: u16 = 0x8000;
 
     /// First coordinate on the light, at the `vertex`-th rough vertex from the camera (from 0).

@@ -139,10 +139,33 @@ impl Digits {
     }
 }
 
-/// A uniform permutation of 0..n in `out` (n = its length, at most 256), by Fisher and Yates.
+/// The permutations of four elements, each by what Fisher and Yates make of the digits of its number: radix 2, 3, 4.
+const OF_FOUR: [[u8; 4]; 24] = {
+    let mut all = [[0, 1, 2, 3]; 24];
+    let mut number = 0;
+    while number < 24 {
+        let digits = [number / 12, number / 4 % 3, number % 4];
+        let mut i = 1;
+        while i < 4 {
+            let j = digits[i - 1];
+            (all[number][i], all[number][j]) = (all[number][j], all[number][i]);
+            i += 1;
+        }
+        number += 1;
+    }
+    all
+};
+
+/// A uniform permutation of 0..n in `out` (n = its length, at most 256), by Fisher and Yates; the first four elements at
+/// once.
 #[inline]
 pub(crate) fn fill_permutation(out: &mut [u8], digits: &mut Digits) {
-    for i in 0..out.len() {
+    let mut ready = 0;
+    if let Some(first) = out.first_chunk_mut::<4>() {
+        *first = OF_FOUR[digits.below(24) % 24];
+        ready = 4;
+    }
+    for i in ready..out.len() {
         // The first digit is always 0.
         let j = if i == 0 { 0 } else { digits.below(i as u64 + 1) };
         #[allow(clippy::cast_possible_truncation, reason = "at most 256 elements")]

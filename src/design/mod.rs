@@ -26,6 +26,7 @@ pub(crate) mod hash;
 mod kind;
 pub mod nets;
 mod nets_data;
+mod pads;
 mod placed;
 mod point;
 mod refine;

@@ -5,9 +5,10 @@ use super::array::OrthogonalArray;
 use super::choose::{Choice, choose, cube_root, square_root};
 use super::disk::{DiskTiles, Process};
 use super::dither::{self, Place, ZOrder};
-use super::hash::{draw, permute, scramble_reversed, shuffle_index, shuffle_reversed, subkey, subseed};
+use super::hash::{draw, permute, scramble_reversed, shuffle_index, subkey, subseed};
 use super::kind::{Dither, Kind, Mask, Over};
 use super::nets::{self, NetTables};
+use super::pads::{self, Pad, Pads};
 use super::placed::Placed;
 use super::refine::ArrayMethod;
 use super::strata::Strata;
@@ -19,10 +20,6 @@ const PAD: u8 = u8::MAX;
 
 /// Most columns of a net that are used; factors beyond are padded.
 const MOST_COLUMNS: usize = 24;
-
-/// The first of four columns of a net of which the first two and the last two were searched as pairs (up to 128 runs): the
-/// lens and the light. A vertex has two such pairs.
-const PAIRED: usize = 3;
 
 /// Uses of a pixel's key, kept apart.
 mod tag {
@@ -89,8 +86,8 @@ pub struct Design {
     room: usize,
     /// Permutations of the runs that are written down for each pixel.
     placed: usize,
-    /// Four factors of any further vertex, by the reversed index.
-    pad: NetTables,
+    /// For factors without a column.
+    pads: Pads,
 }
 
 impl Design {
@@ -105,7 +102,6 @@ impl Design {
         factors.dedup();
         let active: Vec<Factor> = factors.iter().copied().filter(|f| !f.is_extra()).collect();
         let choice = choose(options.kind, options.dither, runs, active.len());
-        let bits = runs.next_power_of_two().trailing_zeros();
         let method = method(&choice, runs, active.len(), options.frames, options.seed);
         let room = match &method {
             Method::Array(array) => array.columns,
@@ -121,11 +117,6 @@ impl Design {
             Method::Jittered => active.last().map_or(0, |f| jittered_row(*f) + 1),
             _ => 0,
         };
-        let pad = nets::nested(bits).map_or_else(
-            || nets::sobol(4, bits.max(1)),
-            |set| set.into_iter().skip(PAIRED).take(4).collect::<Vec<_>>(),
-        );
-        let pad = NetTables::of_reversed_index(&pad, bits);
         let seed_key = numeric::mix64(options.seed ^ 0x6772_6165_636f);
         let line_step = options.line_step.max(1);
         Self {
@@ -141,7 +132,7 @@ impl Design {
             method,
             room,
             placed: Placed::rows(runs, rows),
-            pad,
+            pads: Pads::new(runs),
         }
     }
 
@@ -202,7 +193,11 @@ impl Design {
             return PixelDesign { design: self, key, place, first, shuffle, seeds, placed: None };
         }
         let key = subkey(subkey(self.seed_key, xy), time);
-        let seeds = if let Method::Net(_) = &self.method { self.scrambles(key) } else { [0; MOST_COLUMNS] };
+        let seeds = match &self.method {
+            Method::Net(_) => self.scrambles(key),
+            Method::Array(_) => first_pads(key),
+            _ => [0; MOST_COLUMNS],
+        };
         PixelDesign { design: self, key, place, first: 0, shuffle: 0, seeds, placed: self.placed(key) }
     }
 
@@ -235,10 +230,26 @@ const fn upper_half(bits: u64) -> u32 {
     (bits >> 32) as u32
 }
 
+/// What the jitter of `run` in factor `index` is drawn by: even (odd numbers are the pads'), and below 2⁴⁸.
+#[inline]
+pub(super) fn jitter_tag(run: u32, index: u16) -> u64 {
+    (u64::from(run) << 16 | u64::from(index)) << 1
+}
+
 /// Key of an array's column in one pixel.
 #[inline]
 fn array_key(pixel_key: u64, column: usize) -> u64 {
     subkey(pixel_key, tag::ARRAY | column as u64)
+}
+
+/// The seeds of the first group of pads, in order.
+#[inline]
+fn first_pads(pixel_key: u64) -> [u32; MOST_COLUMNS] {
+    let mut seeds = [0; MOST_COLUMNS];
+    for (seed, number) in seeds[..pads::SEEDS].iter_mut().zip(0..) {
+        *seed = pads::seed(pixel_key, 0, number);
+    }
+    seeds
 }
 
 /// Which permutation of the runs places `factor` in a jittered design: one a pair, and one for the shutter.
@@ -292,7 +303,8 @@ pub struct PixelDesign<'a> {
     first: u32,
     /// Seed of the net's shuffle, where pixels share it.
     shuffle: u32,
-    /// Seeds of the net's scrambles by column: the pixel's own, or those of all pixels which share a net.
+    /// Seeds of the net's scrambles by column: the pixel's own, or those of all pixels which share a net. Of an array, which
+    /// has few columns, the seeds of the first group of pads.
     seeds: [u32; MOST_COLUMNS],
     placed: Option<Placed>,
 }
@@ -305,6 +317,7 @@ impl PixelDesign<'_> {
         let run = if run < self.design.runs { run } else { run % self.design.runs };
         let index = match &self.design.method {
             Method::Picture(..) => shuffle_index(self.first.wrapping_add(run), 32, self.shuffle),
+            Method::Array(_) => self.design.pads.place(run, self.seeds[0]),
             _ => run,
         };
         Point { pixel: self, run, index }
@@ -316,7 +329,7 @@ impl PixelDesign<'_> {
 pub struct Point<'a> {
     pixel: &'a PixelDesign<'a>,
     run: u32,
-    /// The run's index in the net.
+    /// The run's index in the net; of an array, in the first group of pads.
     index: u32,
 }
 
@@ -362,7 +375,7 @@ impl Point<'_> {
     /// 32 independent bits for `factor`.
     #[inline]
     fn jitter(&self, factor: Factor) -> u32 {
-        upper_half(draw(self.pixel.key, (u64::from(self.run) << 16 | u64::from(factor.index())) << 1))
+        upper_half(draw(self.pixel.key, jitter_tag(self.run, factor.index())))
     }
 
     /// One of N strata of [0, 1), by the factor's own permutation, which is written down in `row` where there is room.
@@ -412,19 +425,14 @@ impl Point<'_> {
 
     /// A factor of a further vertex: four factors share a net of their own, its runs shuffled against all others.
     fn pad(&self, factor: Factor) -> u32 {
-        let design = self.pixel.design;
-        let index = factor.index();
-        let (group, column) = if index < 5 {
-            (0xf000 + index / 4, index % 4)
+        let (design, pad) = (self.pixel.design, Pad::of(factor));
+        let (place, seed) = if pad.group == 0 && matches!(design.method, Method::Array(_)) {
+            (self.index, self.pixel.seeds[usize::from(pad.scramble())])
         } else {
-            ((index - 5) / Factor::PER_VERTEX, (index - 5) % Factor::PER_VERTEX)
+            let seed = |number: u16| pads::seed(self.pixel.key, pad.group, number);
+            (design.pads.place(self.run, seed(0)), seed(pad.scramble()))
         };
-        // Odd numbers are the pads', even ones the jitters'.
-        let own = |number: u64| draw(self.pixel.key, (u64::from(group) << 16 | number) << 1 | 1);
-        let (key, seed) = (own(0), own(1 + u64::from(column)));
-        let bits = design.pad.bits();
-        let run = shuffle_reversed(self.run.reverse_bits() >> (32 - bits.max(1)), bits, upper_half(key));
-        scramble_reversed(design.pad.reversed(usize::from(column), run), upper_half(seed)).reverse_bits()
+        design.pads.coordinate(pad.column, place, seed)
     }
 
     /// Whether the mask governs `factor`.

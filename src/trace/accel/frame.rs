@@ -42,13 +42,13 @@ pub(super) struct RayFrame {
     /// Origin moved outward, against the direction, by what the triangle test may be wrong.
     pub(super) entry_origin: Vec3A,
     /// Origin moved farther outward for the planes of entry, times `near_inverse`, by axis.
-    pub(super) near_scaled: [f32; 3],
+    pub(super) near_scaled: Vec3A,
     /// Origin moved outward for the planes of exit, times `far_inverse`.
-    pub(super) far_scaled: [f32; 3],
+    pub(super) far_scaled: Vec3A,
     /// Reciprocal of the direction.
-    pub(super) near_inverse: [f32; 3],
+    pub(super) near_inverse: Vec3A,
     /// The same, a little larger.
-    pub(super) far_inverse: [f32; 3],
+    pub(super) far_inverse: Vec3A,
     /// Bit of each axis: set where the upper plane of a box is entered first.
     backward: usize,
 }
@@ -69,12 +69,13 @@ impl RayFrame {
         if direction[z] < 0.0 {
             std::mem::swap(&mut x, &mut y);
         }
-        let inverse_z = 1.0 / direction[z];
         let reach = (bounds.lo - origin).abs().max((bounds.hi - origin).abs());
         let pad = (reach + Vec3A::splat(reach[z])) * (6.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF);
         let all = pad + (reach + Vec3A::splat(reach[z])) * (2.0 * UNIT_ROUNDOFF) + origin.abs() * (5.0 * UNIT_ROUNDOFF);
         let least = Vec3A::splat(size[z] * LEAST_COMPONENT);
         let inverse = Vec3A::select(size.cmplt(least), least.copysign(direction), direction).recip();
+        // The largest component is never replaced.
+        let inverse_z = inverse[z];
         let far_inverse = inverse * (1.0 + 10.0 * UNIT_ROUNDOFF);
         // Not of the direction: -0.0 is not less than zero, but its reciprocal is.
         let backward = inverse.cmplt(Vec3A::ZERO);
@@ -87,10 +88,10 @@ impl RayFrame {
             start: [origin[x], origin[y], origin[z]],
             shear: [direction[x] * inverse_z, direction[y] * inverse_z, inverse_z],
             entry_origin: origin + outward(pad),
-            near_scaled: ((origin + outward(all)) * inverse).to_array(),
-            far_scaled: ((origin - outward(all)) * far_inverse).to_array(),
-            near_inverse: inverse.to_array(),
-            far_inverse: far_inverse.to_array(),
+            near_scaled: (origin + outward(all)) * inverse,
+            far_scaled: (origin - outward(all)) * far_inverse,
+            near_inverse: inverse,
+            far_inverse,
             backward: backward.bitmask() as usize,
         }
     }
@@ -100,6 +101,15 @@ impl RayFrame {
     pub(super) fn sides(&self, axis: usize) -> (usize, usize) {
         let near = self.backward >> axis & 1;
         (near, near ^ 1)
+    }
+
+    /// Whether the box is met no farther than `limit`: tested as the boxes of nodes are.
+    #[inline(always)]
+    pub(super) fn meets(&self, bounds: &Aabb, limit: f32) -> bool {
+        let near = (bounds.lo * self.near_inverse).min(bounds.hi * self.near_inverse) - self.near_scaled;
+        let far = (bounds.lo * self.far_inverse).max(bounds.hi * self.far_inverse) - self.far_scaled;
+        // In this order what is no number never decides.
+        near.max(Vec3A::ZERO).max_element() <= far.min(Vec3A::splat(limit)).min_element()
     }
 
     /// Where the box spanned by `lo` and `hi` is entered: no box that encloses it is entered later, however its test was

@@ -328,6 +328,7 @@ mod tests {
             let more = if grow { grown.abs() * scale } else { Vec3A::ZERO };
             let child = Aabb { lo: lo - more, hi: hi + more };
             let ray = RayFrame::new(origin, direction, &child);
+            prop_assert!(ray.meets(&child, f32::INFINITY), "missed by itself");
             for found in opened(&child, &ray) {
                 prop_assert!(found.mask & 1 == 1, "missed");
                 prop_assert!(found.near.0[0] <= ray.entry(lo, hi), "{} after {}", found.near.0[0], ray.entry(lo, hi));

@@ -14,6 +14,7 @@ mod body;
 mod choice;
 mod collapse;
 mod frame;
+mod guard;
 mod isa;
 mod linear;
 mod memory;
@@ -37,6 +38,7 @@ use crate::scene::{Geometry, Instance, MeshId, Motion, NodeId, Scene, Stage};
 use crate::trace::{Backs, Hit, Ray};
 use body::{Body, Form, Vertices};
 use glam::Affine3A;
+use guard::Guard;
 use rayon::prelude::*;
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -99,6 +101,8 @@ pub struct Accel {
     /// Of each of the stage's instances.
     routes: Vec<Route>,
     top: Top,
+    /// Spares rays the top level.
+    guard: Option<Guard>,
     bodies: Bodies,
     bounds: Aabb,
     stack: usize,
@@ -188,6 +192,7 @@ impl Accel {
             places,
             routes,
             top,
+            guard: None,
             bodies,
         };
         accel.summarize();
@@ -204,6 +209,8 @@ impl Accel {
             Top::Still(t) => t.nodes.bounds,
             Top::Moving(slabs) => slabs.iter().fold(Aabb::EMPTY, |all, t| all.join(&t.nodes.bounds)),
         };
+        let world = self.world.as_ref().map_or(Aabb::EMPTY, |w| w.tree.nodes.bounds);
+        self.guard = Guard::around(&self.top.places(), &world);
         let stats = &mut self.stats;
         stats.places = self.places.len();
         stats.slabs = if let Top::Moving(slabs) = &self.top { slabs.len() } else { 0 };
@@ -262,7 +269,13 @@ impl Accel {
             Backs::Stop => 0,
         };
         let mut query = Query { limit: ray.t_max, found: None, skips, accept, precedes: &precedes };
-        let all = Structures { world: self.world.as_deref(), places: &self.places, top: &self.top };
+        let all = Structures {
+            world: self.world.as_deref(),
+            places: &self.places,
+            top: &self.top,
+            guard: self.guard.as_ref(),
+            bounds: &self.bounds,
+        };
         let stopped = match self.kernel {
             Kernel::Portable => top::search::<isa::Portable, ANY>(&all, ray, &mut query, stack),
             #[cfg(target_arch = "x86_64")]

@@ -205,6 +205,28 @@ proptest! {
         all_kinds(seed, permanent);
     }
 
+    /// Small things in a large world, still or moving: most rays are spared the top level.
+    #[test]
+    fn what_a_guard_spares_agrees_with_brute_force(seed: u64, keys in 1_usize..5) {
+        let mut dice = Dice::new(seed);
+        let scene = scene(vec![soup(&mut dice, 40, 0.3)], true);
+        let rest = || Geometry { mesh: 0, keys: Vec::new(), times: Vec::new() };
+        let world = Motion::still(Affine3A::from_scale(Vec3::splat(3.0)));
+        let mut instances = vec![Instance { geometry: 0, motion: world, node: 0, permanent: true }];
+        for node in 1..3 {
+            let small = |m: &Affine3A| *m * Affine3A::from_scale(Vec3::splat(0.2));
+            let motion = moving(&mut dice, keys);
+            let motion = match keys {
+                1 => Motion::still(small(&motion.keys()[0])),
+                _ => Motion::through(motion.times().to_vec(), motion.keys().iter().map(small).collect()),
+            };
+            instances.push(Instance { geometry: 1, motion, node, permanent: false });
+        }
+        let stage = stage(vec![rest(), rest()], instances);
+        prop_assert!(Accel::build(&scene, &stage, None).guard.is_some());
+        compare(&scene, &stage, 200, &mut dice);
+    }
+
     #[test]
     fn still_triangles_agree_with_brute_force(seed: u64, count in 1_usize..300) {
         let mut dice = Dice::new(seed);

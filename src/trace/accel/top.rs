@@ -4,12 +4,13 @@ use super::body::{Body, Form};
 use super::choice::LeafRule;
 use super::collapse::{self, BLOCK, NO_TRIANGLE, Shape};
 use super::frame::RayFrame;
+use super::guard::Guard;
 use super::isa::Isa;
 use super::linear::{Aabb, LinearBox};
 use super::node::{MovingNode, StillNode, WideNode};
 use super::sweep::swept;
 use super::topology::{self, Reference};
-use super::tree::{Nodes, StillTree};
+use super::tree::Nodes;
 use super::walk::{Query, Visit, WORLD, walk, walk_triangles};
 use super::world::World;
 use crate::factor::compiled;
@@ -71,6 +72,8 @@ pub(super) struct TopTree<N> {
     pub(super) nodes: Nodes<N>,
     /// What each leaf stands for.
     pub(super) items: Vec<Item>,
+    /// Bounds of the places, at all its times.
+    places: Aabb,
 }
 
 /// The top level.
@@ -122,6 +125,15 @@ impl Top {
         use rayon::prelude::*;
         let slab = |i: usize| TopTree::build(&boxes(border(i), border(i + 1)));
         Self::Moving((0..slabs).into_par_iter().map(slab).collect())
+    }
+
+    /// Bounds of all places throughout the exposure.
+    pub(super) fn places(&self) -> Aabb {
+        match self {
+            Self::World => Aabb::EMPTY,
+            Self::Still(t) => t.places,
+            Self::Moving(slabs) => slabs.iter().fold(Aabb::EMPTY, |all, t| all.join(&t.places)),
+        }
     }
 
     pub(super) fn stack(&self) -> usize {
@@ -190,7 +202,9 @@ impl<N: WideNode> TopTree<N> {
         };
         let leaves: Vec<LinearBox> = shape.leaves.iter().map(|l| boxes[of_leaf(l)].1).collect();
         let items = shape.leaves.iter().map(|l| boxes[of_leaf(l)].0).collect();
-        Self { nodes: Nodes::around(&shape, &leaves), items }
+        let is_place = |(item, _): &&(Item, LinearBox)| matches!(item, Item::Place(_));
+        let places = boxes.iter().filter(is_place).fold(Aabb::EMPTY, |all, (_, b)| all.join(&b.padded().swept()));
+        Self { nodes: Nodes::around(&shape, &leaves), items, places }
     }
 }
 
@@ -226,6 +240,10 @@ pub(super) struct Structures<'a> {
     pub(super) world: Option<&'a World>,
     pub(super) places: &'a [Place],
     pub(super) top: &'a Top,
+    /// Around the places, where that spares rays the top level.
+    pub(super) guard: Option<&'a Guard>,
+    /// Of everything.
+    pub(super) bounds: &'a Aabb,
 }
 
 /// `origin` and `direction` before `m`, by Cramer's rule: half the work of an inverse.
@@ -243,16 +261,15 @@ struct Places<'a, I, const ANY: bool> {
     all: &'a Structures<'a>,
     items: &'a [Item],
     ray: &'a Ray,
-    /// The ray in the world's structure, if there is one.
-    world: Option<(&'a StillTree, RayFrame)>,
+    /// The ray in the world. The bounds that it was made for enclose the world's structure too.
+    frame: &'a RayFrame,
     isa: std::marker::PhantomData<I>,
 }
 
 impl<'a, I: Isa, const ANY: bool> Places<'a, I, ANY> {
     #[inline(always)]
-    fn new(all: &'a Structures<'a>, items: &'a [Item], ray: &'a Ray) -> Self {
-        let frame = |w: &'a World| (&w.tree, RayFrame::new(ray.origin, ray.direction, &w.tree.nodes.bounds));
-        Self { all, items, ray, world: all.world.map(frame), isa: std::marker::PhantomData }
+    fn new(all: &'a Structures<'a>, items: &'a [Item], ray: &'a Ray, frame: &'a RayFrame) -> Self {
+        Self { all, items, ray, frame, isa: std::marker::PhantomData }
     }
 }
 
@@ -262,8 +279,8 @@ impl<I: Isa, const ANY: bool> Visit for Places<'_, I, ANY> {
         let item = match self.items[leaf as usize] {
             Item::Place(item) => item,
             Item::World(root) => {
-                let Some((tree, frame)) = &self.world else { return false };
-                return I::walk_still::<ANY>(tree, root, frame, WORLD, query, stack);
+                let Some(World { tree, .. }) = self.all.world else { return false };
+                return I::walk_still::<ANY>(tree, root, self.frame, WORLD, query, stack);
             }
         };
         let place = &self.all.places[item as usize];
@@ -299,25 +316,24 @@ pub(super) fn search<I: Isa, const ANY: bool>(
     query: &mut Query<'_>,
     stack: &mut [u64],
 ) -> bool {
-    match all.top {
-        Top::World => {
-            let Some(World { tree, .. }) = all.world else { return false };
-            let frame = RayFrame::new(ray.origin, ray.direction, &tree.nodes.bounds);
-            walk_triangles::<I, _, _, ANY>(tree, tree.nodes.root, &frame, 0.0, WORLD, query, stack)
-        }
-        Top::Still(top) => {
-            let frame = RayFrame::new(ray.origin, ray.direction, &top.nodes.bounds);
-            let places = Places::<I, ANY>::new(all, &top.items, ray);
-            walk::<I, _, _, ANY>(&top.nodes, top.nodes.root, &frame, 0.0, &places, query, stack)
-        }
-        Top::Moving(_) if !compiled::TIME => false,
-        Top::Moving(slabs) => {
-            let (top, f) = slab_at(slabs, ray.u_time);
-            let frame = RayFrame::new(ray.origin, ray.direction, &top.nodes.bounds);
-            let places = Places::<I, ANY>::new(all, &top.items, ray);
-            walk::<I, _, _, ANY>(&top.nodes, top.nodes.root, &frame, f, &places, query, stack)
+    let frame = RayFrame::new(ray.origin, ray.direction, all.bounds);
+    if all.guard.is_none_or(|guard| guard.is_met(&frame, query.limit)) {
+        match all.top {
+            Top::World => {}
+            Top::Still(top) => {
+                let places = Places::<I, ANY>::new(all, &top.items, ray, &frame);
+                return walk::<I, _, _, ANY>(&top.nodes, top.nodes.root, &frame, 0.0, &places, query, stack);
+            }
+            Top::Moving(_) if !compiled::TIME => return false,
+            Top::Moving(slabs) => {
+                let (top, f) = slab_at(slabs, ray.u_time);
+                let places = Places::<I, ANY>::new(all, &top.items, ray, &frame);
+                return walk::<I, _, _, ANY>(&top.nodes, top.nodes.root, &frame, f, &places, query, stack);
+            }
         }
     }
+    let Some(World { tree, .. }) = all.world else { return false };
+    walk_triangles::<I, _, _, ANY>(tree, tree.nodes.root, &frame, 0.0, WORLD, query, stack)
 }
 
 /// The slab that holds `u_time`, and where in it.

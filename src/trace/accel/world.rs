@@ -33,8 +33,8 @@ pub(super) struct World {
     pub(super) tree: StillTree,
     /// What is in it, in the order of the stage's instances.
     pub(super) parts: Vec<PartKey>,
-    /// First triangle of each part, and one past the last of all.
-    pub(super) first: Vec<u32>,
+    /// Where the parts lie among the triangles.
+    spans: Spans,
     /// Triangles that can be hit.
     pub(super) triangles: usize,
 }
@@ -86,31 +86,72 @@ impl World {
             return None;
         }
         let sources: Vec<Source<'_>> = members.par_iter().map(|(i, g)| Source::of(scene, i, g)).collect();
-        let mut first = vec![0_u32];
-        for s in &sources {
-            let last = first[first.len() - 1];
-            first.push(last.saturating_add(u32::try_from(s.triangles.len()).unwrap_or(u32::MAX)));
-        }
+        let spans = Spans::of(sources.iter().map(|s| s.triangles.len()));
         let triangle = |id: u32| {
-            let part = first.partition_point(|&f| f <= id) - 1;
-            sources[part].triangle(id - first[part], id)
+            let (part, index) = spans.locate(id);
+            sources[part].triangle(index, id)
         };
-        let ids: Vec<u32> = (0..first[first.len() - 1])
-            .into_par_iter()
-            .with_min_len(4096)
-            .filter(|&id| has_area(&triangle(id).begin))
-            .collect();
+        let ids: Vec<u32> =
+            (0..spans.total()).into_par_iter().with_min_len(4096).filter(|&id| has_area(&triangle(id).begin)).collect();
         let shape = still_shape(&ids, |id| triangle(id).begin);
         let tree = StillTree::fill(&shape, triangle);
         let parts = members.iter().map(|(i, g)| PartKey::of(i, g)).collect();
-        Some(Self { tree, parts, first, triangles: ids.len() })
+        Some(Self { tree, parts, spans, triangles: ids.len() })
     }
 
     /// The part that triangle `index` belongs to, and its index there.
     #[inline]
     pub(super) fn locate(&self, index: u32) -> (usize, u32) {
-        let part = if self.parts.len() == 1 { 0 } else { self.first.partition_point(|&f| f <= index) - 1 };
-        (part, index - self.first[part])
+        self.spans.locate(index)
+    }
+}
+
+/// Consecutive spans of numbers, one a part.
+#[derive(Debug)]
+struct Spans {
+    /// First number of each, and one past the last of all.
+    first: Vec<u32>,
+    /// The part of every 2^`shift`-th number, and that of the last: between two of them few parts begin.
+    marks: Vec<u32>,
+    shift: u32,
+}
+
+impl Spans {
+    fn of(lengths: impl Iterator<Item = usize>) -> Self {
+        let mut first = vec![0_u32];
+        for length in lengths {
+            let last = first[first.len() - 1];
+            first.push(last.saturating_add(u32::try_from(length).unwrap_or(u32::MAX)));
+        }
+        let (parts, total) = (first.len() - 1, first[first.len() - 1]);
+        let last = total.saturating_sub(1);
+        let part_of = |number: u32| first.partition_point(|&f| f <= number) - 1;
+        #[allow(
+            clippy::cast_possible_truncation,
+            reason = "there are fewer parts than numbers, and no number is above `last`"
+        )]
+        let (shift, mark) = (
+            // About two marks a part.
+            (total / (2 * parts.max(1) as u32)).max(1).ilog2(),
+            |number: u64| part_of(number.min(u64::from(last)) as u32) as u32,
+        );
+        let marks = (0..=u64::from(last >> shift) + 1).map(|i| mark(i << shift)).collect();
+        Self { first, marks, shift }
+    }
+
+    /// One past the last number.
+    fn total(&self) -> u32 {
+        self.first[self.first.len() - 1]
+    }
+
+    /// The part that holds `number`, and which of its numbers that is.
+    #[inline]
+    fn locate(&self, number: u32) -> (usize, u32) {
+        let mark = (number >> self.shift) as usize;
+        let (low, high) = (self.marks[mark] as usize, self.marks[mark + 1] as usize);
+        // Of parts that begin at one number all but the last are empty.
+        let part = low + self.first[low + 1..=high].partition_point(|&f| f <= number);
+        (part, number - self.first[part])
     }
 }
 
@@ -135,4 +176,27 @@ fn has_area(corners: &[Vec3A; 3]) -> bool {
     let [a, b, c] = corners.map(|p| p.as_dvec3());
     let n = (b - a).cross(c - a);
     n.is_finite() && n.length_squared() > 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn every_number_is_found_in_its_part(
+            lengths in prop::collection::vec(prop_oneof![0_usize..4, 0_usize..200, Just(5000_usize)], 1..60)
+        ) {
+            let spans = Spans::of(lengths.iter().copied());
+            let mut number = 0;
+            for (part, &length) in lengths.iter().enumerate() {
+                for index in 0..u32::try_from(length).unwrap() {
+                    prop_assert_eq!(spans.locate(number), (part, index));
+                    number += 1;
+                }
+            }
+            prop_assert_eq!(spans.total(), number);
+        }
+    }
 }
