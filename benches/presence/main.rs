@@ -21,7 +21,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
 
 /// Pairs of runs.
-const PAIRS: usize = 15;
+const PAIRS: usize = 45;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
