@@ -115,11 +115,9 @@ impl SurfacePoint {
         let distance = n.abs().dot(self.error);
         let offset = if direction.dot(n) < 0.0 { n * -distance } else { n * distance };
         let moved = self.position + offset;
-        Vec3A::from_array(std::array::from_fn(|axis| match offset[axis] {
-            o if o > 0.0 => moved[axis].next_up(),
-            o if o < 0.0 => moved[axis].next_down(),
-            _ => moved[axis],
-        }))
+        // At least to the next number, which is at most 2⁻²³ of this one away.
+        let step = (moved.abs() * f32::EPSILON + Vec3A::splat(f32::MIN_POSITIVE)).copysign(offset);
+        moved + Vec3A::select(offset.cmpeq(Vec3A::ZERO), Vec3A::ZERO, step)
     }
 }
 

@@ -58,17 +58,12 @@ impl RayFrame {
     #[inline]
     pub(super) fn new(origin: Vec3A, direction: Vec3A, bounds: &Aabb) -> Self {
         let size = direction.abs();
-        let z = if size.x > size.y {
-            if size.x > size.z { 0 } else { 2 }
-        } else if size.y > size.z {
-            1
-        } else {
-            2
-        };
-        let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
-        if direction[z] < 0.0 {
-            std::mem::swap(&mut x, &mut y);
-        }
+        // Which of two components is the greater: x and y, x and z, y and z; and the signs of all. No branch: rays of all
+        // directions follow each other.
+        let greater = Vec3A::new(size.x, size.x, size.y).cmpgt(Vec3A::new(size.y, size.z, size.z)).bitmask() as usize;
+        let z = LARGEST[greater & 7];
+        let order = ORDERS[z & 3][direction.cmplt(Vec3A::ZERO).bitmask() as usize >> z & 1];
+        let [x, y, z] = order;
         let reach = (bounds.lo - origin).abs().max((bounds.hi - origin).abs());
         let pad = (reach + Vec3A::splat(reach[z])) * (6.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF);
         let all = pad + (reach + Vec3A::splat(reach[z])) * (2.0 * UNIT_ROUNDOFF) + origin.abs() * (5.0 * UNIT_ROUNDOFF);
@@ -83,7 +78,7 @@ impl RayFrame {
         Self {
             origin,
             direction,
-            k: [x, y, z],
+            k: order,
             speed: size[z],
             start: [origin[x], origin[y], origin[z]],
             shear: [direction[x] * inverse_z, direction[y] * inverse_z, inverse_z],
@@ -128,6 +123,13 @@ impl RayFrame {
         near * ENTRY_MARGIN
     }
 }
+
+/// The largest component, by which of two is the greater: bit 0 of x and y, bit 1 of x and z, bit 2 of y and z.
+const LARGEST: [usize; 8] = [2, 2, 2, 0, 1, 2, 1, 0];
+
+/// The axes x', y', z' by the largest component (there is no fourth) and its sign.
+const ORDERS: [[[usize; 3]; 2]; 4] =
+    [[[1, 2, 0], [2, 1, 0]], [[2, 0, 1], [0, 2, 1]], [[0, 1, 2], [1, 0, 2]], [[0, 1, 2], [1, 0, 2]]];
 
 /// The least component of a direction that boxes see, relative to its largest.
 const LEAST_COMPONENT: f32 = 1.0 / (1_u64 << 60) as f32;

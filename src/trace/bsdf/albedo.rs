@@ -78,44 +78,45 @@ impl Axis {
     }
 }
 
-/// A function of cosine and perceptual roughness, tabulated.
+/// A function of cosine and perceptual roughness, tabulated. Its axis is [`Axis::Shadowing`] or else [`Axis::Root`]; that and
+/// its size are part of its type, so that looking up has nothing to decide.
 #[derive(Debug)]
-pub(super) struct Table {
-    axis: Axis,
-    columns: usize,
-    rows: usize,
-    values: Vec<f32>,
+pub(super) struct Table<const SHADOWING: bool, const COLUMNS: usize, const ROWS: usize> {
+    values: Box<[[f32; COLUMNS]; ROWS]>,
 }
 
-impl Table {
-    fn build(axis: Axis, (columns, rows): (usize, usize), value: impl Fn(f32, f32) -> f32 + Sync) -> Self {
-        Self::of_entries(axis, (columns, rows), |column, row| {
-            let roughness = Self::entry_roughness(row, rows);
-            value(axis.entry_cosine(column, columns, roughness), roughness)
+impl<const SHADOWING: bool, const COLUMNS: usize, const ROWS: usize> Table<SHADOWING, COLUMNS, ROWS> {
+    const AXIS: Axis = if SHADOWING { Axis::Shadowing } else { Axis::Root };
+
+    fn build(value: impl Fn(f32, f32) -> f32 + Sync) -> Self {
+        Self::of_entries(|column, row| {
+            let roughness = entry_roughness(row, ROWS);
+            value(Self::AXIS.entry_cosine(column, COLUMNS, roughness), roughness)
         })
     }
 
     /// The table whose entry in each column and row is given.
-    fn of_entries(axis: Axis, (columns, rows): (usize, usize), entry: impl Fn(usize, usize) -> f32 + Sync) -> Self {
-        Self { axis, columns, rows, values: in_parallel(columns * rows, |i| entry(i % columns, i / columns)) }
-    }
-
-    /// The roughness of row `row` of `rows`. The lowest stands for the narrowest lobe that is not a mirror.
-    fn entry_roughness(row: usize, rows: usize) -> f32 {
-        (row as f32 / (rows - 1) as f32).max(super::ALPHA_SPECULAR.sqrt())
+    fn of_entries(entry: impl Fn(usize, usize) -> f32 + Sync) -> Self {
+        let all = in_parallel(COLUMNS * ROWS, |i| entry(i % COLUMNS, i / COLUMNS));
+        let mut values = Box::new([[0.0; COLUMNS]; ROWS]);
+        values.as_flattened_mut().copy_from_slice(&all);
+        Self { values }
     }
 
     /// Bilinear in the axes.
     #[inline]
     pub(super) fn at(&self, cos: f32, roughness: f32) -> f32 {
         let roughness = roughness.clamp(0.0, 1.0);
-        let (column, x) = cell(self.axis.place(cos.clamp(0.0, 1.0), roughness), self.columns);
-        let (row, y) = cell(roughness, self.rows);
-        let at = |r: usize, c: usize| self.values[r * self.columns + c];
-        let lower = at(row, column) * (1.0 - x) + at(row, column + 1) * x;
-        let upper = at(row + 1, column) * (1.0 - x) + at(row + 1, column + 1) * x;
-        lower * (1.0 - y) + upper * y
+        let (column, x) = cell(Self::AXIS.place(cos.clamp(0.0, 1.0), roughness), COLUMNS);
+        let (row, y) = cell(roughness, ROWS);
+        let along = |row: &[f32; COLUMNS]| row[column] * (1.0 - x) + row[column + 1] * x;
+        along(&self.values[row]) * (1.0 - y) + along(&self.values[row + 1]) * y
     }
+}
+
+/// The roughness of row `row` of `rows`. The lowest stands for the narrowest lobe that is not a mirror.
+fn entry_roughness(row: usize, rows: usize) -> f32 {
+    (row as f32 / (rows - 1) as f32).max(super::ALPHA_SPECULAR.sqrt())
 }
 
 /// `entry` of 0 to `count` − 1, in order, computed by threads of its own: a pool's worker that waits for a table must
@@ -183,14 +184,14 @@ fn half_turn() -> impl Iterator<Item = Vec2> {
     (0..POINTS).map(|i| lattice(i, POINTS)).map(|u| Vec2::new(0.5 * u.y, u.x))
 }
 
-static MIRROR: LazyLock<Table> = LazyLock::new(|| {
+static MIRROR: LazyLock<Table<true, SIDE, SIDE>> = LazyLock::new(|| {
     let points = Circle::new(half_turn());
-    Table::build(Axis::Shadowing, (SIDE, SIDE), |cos, r| ggx_means(cos, r, &points, |_| 0.0).0)
+    Table::build(|cos, r| ggx_means(cos, r, &points, |_| 0.0).0)
 });
 /// Albedo of Schlick's weight relative to that of a mirror.
-static SCHLICK: LazyLock<Table> = LazyLock::new(|| {
+static SCHLICK: LazyLock<Table<false, SIDE, SIDE>> = LazyLock::new(|| {
     let points = Circle::new(half_turn());
-    Table::build(Axis::Root, (SIDE, SIDE), |cos, r| share(cos, r, &points, schlick_weight))
+    Table::build(|cos, r| share(cos, r, &points, schlick_weight))
 });
 /// Points of the lattice for each entry of a [`Stretched`], and azimuths of one for mirrors and for glass.
 const STRETCHED_POINTS: u32 = 512;
@@ -210,15 +211,15 @@ static ANISOTROPIC_MIRROR: LazyLock<Stretched> = LazyLock::new(|| {
     })
 });
 
-static SHEEN: LazyLock<Table> = LazyLock::new(cloth::table);
+static SHEEN: LazyLock<cloth::Cloth> = LazyLock::new(cloth::table);
 
 /// Index of refraction of the clear coat, as `KHR_materials_clearcoat` fixes it.
 pub(super) const COAT_IOR: f32 = 1.5;
 
 /// Albedo of the clear coat relative to that of a mirror.
-static COAT: LazyLock<Table> = LazyLock::new(|| {
+static COAT: LazyLock<Table<false, SIDE, { SIDE / 2 }>> = LazyLock::new(|| {
     let points = Circle::new(half_turn());
-    Table::build(Axis::Root, (SIDE, SIDE / 2), |cos, r| share(cos, r, &points, |d| dielectric(d, COAT_IOR)))
+    Table::build(|cos, r| share(cos, r, &points, |d| dielectric(d, COAT_IOR)))
 });
 
 /// Albedo of a whole clear coat.
@@ -336,9 +337,9 @@ pub(super) fn sheen_albedo(cos: f32, roughness: f32) -> f32 {
 #[derive(Debug)]
 pub(super) struct Glass {
     eta: f32,
-    total: Table,
+    total: Table<true, 40, 24>,
     /// Reflection's share of the total.
-    reflected: Table,
+    reflected: Table<false, 16, 12>,
     /// The total on stretched facets; made where they are met.
     stretched: OnceLock<Stretched>,
 }
@@ -351,12 +352,12 @@ impl Glass {
         let (many, few) = (circle_lattice(512), circle_lattice(128));
         Self {
             eta,
-            total: Table::build(Axis::Shadowing, (40, 24), |cos, r| {
+            total: Table::build(|cos, r| {
                 let (reflected, transmitted) = glass_mean(round(r), view(cos), eta, &many);
                 reflected + transmitted
             }),
             // The share only decides how often either is sampled.
-            reflected: Table::build(Axis::Root, (16, 12), |cos, r| part(glass_mean(round(r), view(cos), eta, &few))),
+            reflected: Table::build(|cos, r| part(glass_mean(round(r), view(cos), eta, &few))),
             stretched: OnceLock::new(),
         }
     }

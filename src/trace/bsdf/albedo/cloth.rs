@@ -1,15 +1,17 @@
 //! The albedo of white sheen.
 
 use super::super::sheen::{Sheen, alpha, log_sin2};
-use super::{Axis, POINTS, Table, azimuth_from_unit, half_turn, view};
+use super::{Axis, POINTS, Table, azimuth_from_unit, entry_roughness, half_turn, view};
 use glam::{Vec2, Vec3A};
 
 /// Columns of cosine and rows of roughness.
 const SIDES: (usize, usize) = (64, 64);
 
+pub(super) type Cloth = Table<false, { SIDES.0 }, { SIDES.1 }>;
+
 /// Tabulates it. The facets' slopes depend on the view alone and the masking of light on the roughness alone, so an entry
 /// is left with one exponential a direction.
-pub(super) fn table() -> Table {
+pub(super) fn table() -> Cloth {
     let directions: Vec<Vec3A> = half_turn().map(direction).collect();
     let slopes: Vec<Vec<f32>> = (0..SIDES.0)
         .map(|column| {
@@ -19,13 +21,13 @@ pub(super) fn table() -> Table {
         .collect();
     let masked: Vec<Vec<f32>> = (0..SIDES.1)
         .map(|row| {
-            let sheen = Sheen::new(alpha(Table::entry_roughness(row, SIDES.1)), 1.0);
+            let sheen = Sheen::new(alpha(entry_roughness(row, SIDES.1)), 1.0);
             directions.iter().map(|wi| sheen.masked(wi.z)).collect()
         })
         .collect();
-    Table::of_entries(Axis::Root, SIDES, |column, row| {
+    Cloth::of_entries(|column, row| {
         let cos = Axis::Root.entry_cosine(column, SIDES.0, 0.0);
-        let sheen = Sheen::new(alpha(Table::entry_roughness(row, SIDES.1)), cos);
+        let sheen = Sheen::new(alpha(entry_roughness(row, SIDES.1)), cos);
         let all = slopes[column].iter().zip(&masked[row]);
         let sum: f64 = all.map(|(&slope, &masked)| f64::from(sheen.of(slope, cos, masked))).sum();
         (sum / f64::from(POINTS) / f64::from(crate::trace::warp::uniform_hemisphere_pdf())) as f32
