@@ -64,13 +64,16 @@ impl RayFrame {
         let z = LARGEST[greater & 7];
         let order = ORDERS[z & 3][direction.cmplt(Vec3A::ZERO).bitmask() as usize >> z & 1];
         let [x, y, z] = order;
+        // As arrays: a vector's component of a number known late is found by branches.
+        let (o, d) = (origin.to_array(), direction.to_array());
         let reach = (bounds.lo - origin).abs().max((bounds.hi - origin).abs());
-        let pad = (reach + Vec3A::splat(reach[z])) * (6.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF);
-        let all = pad + (reach + Vec3A::splat(reach[z])) * (2.0 * UNIT_ROUNDOFF) + origin.abs() * (5.0 * UNIT_ROUNDOFF);
-        let least = Vec3A::splat(size[z] * LEAST_COMPONENT);
+        let (size_z, reach_z) = (d[z].abs(), Vec3A::splat(reach.to_array()[z]));
+        let pad = (reach + reach_z) * (6.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF);
+        let all = pad + (reach + reach_z) * (2.0 * UNIT_ROUNDOFF) + origin.abs() * (5.0 * UNIT_ROUNDOFF);
+        let least = Vec3A::splat(size_z * LEAST_COMPONENT);
         let inverse = Vec3A::select(size.cmplt(least), least.copysign(direction), direction).recip();
         // The largest component is never replaced.
-        let inverse_z = inverse[z];
+        let inverse_z = inverse.to_array()[z];
         let far_inverse = inverse * (1.0 + 10.0 * UNIT_ROUNDOFF);
         // Not of the direction: -0.0 is not less than zero, but its reciprocal is.
         let backward = inverse.cmplt(Vec3A::ZERO);
@@ -79,9 +82,9 @@ impl RayFrame {
             origin,
             direction,
             k: order,
-            speed: size[z],
-            start: [origin[x], origin[y], origin[z]],
-            shear: [direction[x] * inverse_z, direction[y] * inverse_z, inverse_z],
+            speed: size_z,
+            start: [o[x], o[y], o[z]],
+            shear: [d[x] * inverse_z, d[y] * inverse_z, inverse_z],
             entry_origin: origin + outward(pad),
             near_scaled: (origin + outward(all)) * inverse,
             far_scaled: (origin - outward(all)) * far_inverse,

@@ -250,18 +250,15 @@ impl Bsdf {
     /// probability with which any is drawn, how many times as often each is, and the lobes. `None` where all are wide.
     #[must_use]
     pub fn narrow_lobes(&self, eagerness: f32) -> Option<(f32, f32, Self)> {
-        let mut narrow = *self;
-        for lobe in (0..LOBES).filter(|&lobe| !self.is_narrow(lobe)) {
-            narrow.chance[lobe] = 0.0;
-        }
-        let among_all: f32 = narrow.chance.iter().sum();
+        let chance: [f32; LOBES] =
+            std::array::from_fn(|lobe| if self.is_narrow(lobe) { self.chance[lobe] } else { 0.0 });
+        let among_all: f32 = chance.iter().sum();
         let drawn = (eagerness * among_all).min(1.0);
         if drawn <= 0.0 {
             return None;
         }
         let times = drawn / among_all;
-        narrow.chance = narrow.chance.map(|c| c * times);
-        Some((drawn, times, narrow))
+        Some((drawn, times, Self { chance: chance.map(|c| c * times), ..*self }))
     }
 
     /// Whether nothing is scattered at all.
