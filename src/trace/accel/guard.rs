@@ -8,8 +8,7 @@ use super::topology::half_area;
 #[derive(Debug)]
 pub(super) struct Guard(Aabb);
 
-/// A guard that covers more than this share of the whole is met too often: testing it costs a quarter of what a miss
-/// spares.
+/// A guard that covers more than this share of the whole is met too often to spare much.
 const MOST_AREA: f32 = 0.5;
 
 impl Guard {
