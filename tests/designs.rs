@@ -54,7 +54,7 @@ fn each_factor_alone_falls_in_every_stratum_once() {
         cases.push((Kind::LatinHypercube, runs, 13));
     }
     for bits in 0..=12 {
-        cases.extend([Kind::Strong, Kind::Nested, Kind::Sobol].map(|kind| (kind, 1 << bits, 13)));
+        cases.extend([Kind::Strong, Kind::Nested, Kind::Growing, Kind::Sobol].map(|kind| (kind, 1 << bits, 13)));
     }
     for q in PRIME_POWERS {
         let factors = u16::try_from(q + 1).unwrap();

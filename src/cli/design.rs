@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 pub(crate) struct DesignArgs {
     /// The design: random, jittered, latin-hypercube, latin-square, orthogonal, orthogonal-correlated, orthogonal-3,
-    /// sobol, poisson-disk, point-diffusion, strong, nested or auto
+    /// sobol, poisson-disk, point-diffusion, strong, nested, growing or auto
     pub(crate) design: Kind,
     /// Runs a pixel
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]

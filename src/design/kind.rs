@@ -36,6 +36,8 @@ pub enum Kind {
     Strong,
     /// A digital sequence tuned by search for all its prefixes, Owen-scrambled.
     Nested,
+    /// The sequence tuned for the prefixes of 128 runs, which goes on as Sobol's: for pixels that stop at any power of two.
+    Growing,
     /// Chosen by the number of runs and of factors.
     #[default]
     Auto,
@@ -43,7 +45,7 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, [`Kind::Auto`] last.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Random,
         Self::Jittered,
         Self::LatinHypercube,
@@ -56,6 +58,7 @@ impl Kind {
         Self::PointDiffusion,
         Self::Strong,
         Self::Nested,
+        Self::Growing,
         Self::Auto,
     ];
 
@@ -75,6 +78,7 @@ impl Kind {
             Self::PointDiffusion => "point-diffusion",
             Self::Strong => "strong",
             Self::Nested => "nested",
+            Self::Growing => "growing",
             Self::Auto => "auto",
         }
     }

@@ -76,6 +76,18 @@ pub fn nested(bits: u32) -> Option<Vec<Matrix>> {
     unpack(nets_data::NESTED.iter().filter(|set| set.bits >= bits).min_by_key(|set| set.bits)?)
 }
 
+/// Bits of the tuned set that [`growing`] goes on from.
+const GROWING_FROM: u32 = 7;
+
+/// The set tuned for the prefixes of 2⁷ runs, for indices of `bits` bits: what comes after are Sobol's columns, so that each
+/// prefix of 2ᵏ runs remains a full stratification of each factor.
+#[must_use]
+pub fn growing(bits: u32) -> Vec<Matrix> {
+    let tuned = nested(GROWING_FROM).unwrap_or_default();
+    let on = sobol(TUNED_FACTORS, bits.max(GROWING_FROM));
+    tuned.into_iter().zip(on).map(|(matrix, on)| [&matrix[..], &on[matrix.len()..]].concat()).collect()
+}
+
 fn unpack(set: &nets_data::Set) -> Option<Vec<Matrix>> {
     let bits = set.bits as usize;
     Some(set.columns.chunks_exact(bits).map(|matrix| matrix.iter().map(|&c| u32::from(c) << 16).collect()).collect())

@@ -289,6 +289,7 @@ fn method(choice: &Choice, runs: u32, factors: usize, frames: u32, seed: u64) ->
         Kind::PointDiffusion => Method::Disk(DiskTiles::new(runs, seed, Process::Diffusion)),
         Kind::Strong => net(nets::strong(bits)),
         Kind::Nested => net(nets::nested(bits)),
+        Kind::Growing => net(Some(nets::growing(bits))),
         Kind::Sobol | Kind::Auto => net(None),
     }
 }

@@ -20,6 +20,7 @@ pub(super) const fn colour(kind: Kind) -> RGBColor {
         Kind::PoissonDisk => RGBColor(100, 100, 60),
         Kind::Strong => RGBColor(0, 158, 115),
         Kind::Nested => RGBColor(86, 180, 233),
+        Kind::Growing => RGBColor(0, 90, 140),
         Kind::Auto => RGBColor(0, 0, 0),
     }
 }

@@ -120,7 +120,7 @@ def jobs(text):
 
 def sampling(o, runs):
     """The flags for so many runs a pixel, or so many on average."""
-    if o.spread == "needed" and runs > 16 and o.sampler in ("auto", "nested", "sobol", "random"):
+    if o.spread == "needed" and runs > 16 and o.sampler in ("auto", "growing", "nested", "sobol", "random"):
         return ["--mean-runs", str(runs), "--most-runs", str(min(max(4096, 32 * runs), 1 << 20))]
     return ["--runs", str(runs)]
 

@@ -54,8 +54,14 @@ impl Rule {
                 let seen = STUDENT_T * STUDENT_T * visibility.square(estimate) / (tolerance * tolerance);
                 (seen * runs).max((relative_square(estimate) * runs / bound).sqrt())
             }
-            Self::Relative(bound) => (relative_square(estimate) * runs / bound).sqrt(),
+            // Asked of a pixel's neighbours: see `Block::wanted`.
+            Self::Relative(_) => 0.0,
         }
+    }
+
+    /// Runs that every pixel has before anything is made of its spread.
+    fn least(&self) -> u32 {
+        if let Self::Runs(asked) = self { *asked } else { LEAST_RUNS }
     }
 }
 
@@ -80,6 +86,12 @@ struct Pixel {
 impl Pixel {
     fn all_runs(&self) -> u32 {
         self.runs * QUARTERS * if self.twin.is_some() { 2 } else { 1 }
+    }
+
+    /// Runs that its quarters come to next: all that `rule` has before anything else, then twice as many each time.
+    fn next_runs(&self, rule: &Rule) -> u32 {
+        let sequences = if self.twin.is_some() { 2 } else { 1 };
+        if self.runs == 0 { rule.least() / (QUARTERS * sequences) } else { 2 * self.runs }
     }
 
     /// What its sequences show together.
@@ -123,6 +135,8 @@ pub(super) struct Block {
     pixels: Vec<Pixel>,
     /// Variance over the spread of quarters.
     calibration: f64,
+    /// Squared relative error of a single run, on average over each pixel's neighbours.
+    around: Vec<f64>,
 }
 
 impl Block {
@@ -130,7 +144,8 @@ impl Block {
     pub(super) fn new(window: Window, lines: Lines) -> Self {
         let rows: Vec<u32> = (window.y..window.y + window.height).filter(|&y| lines.holds(y)).collect();
         let pixels = vec![Pixel::default(); rows.len() * window.width as usize];
-        Self { window, rows, pixels, calibration: 1.0 }
+        let around = vec![0.0; pixels.len()];
+        Self { window, rows, pixels, calibration: 1.0, around }
     }
 
     /// The same, but one pixel of every four has two independent sequences of half as many runs.
@@ -142,6 +157,14 @@ impl Block {
             }
         }
         self
+    }
+
+    /// Takes in what new runs tell of all pixels.
+    fn weigh(&mut self) {
+        self.calibrate();
+        let of_a_run = |p: &Pixel| relative_square(&self.estimate(p)) * f64::from(p.all_runs());
+        let own: Vec<f64> = self.pixels.iter().map(|p| if p.estimate.runs == 0 { 0.0 } else { of_a_run(p) }).collect();
+        self.around = (0..own.len()).map(|index| self.around(index, Own::Apart, |i| own[i])).collect();
     }
 
     /// Sets the calibration by what twins tell: the ratio of both ways' sums, every twin weighing about alike.
@@ -180,14 +203,14 @@ impl Block {
             if progress.is_cancelled() {
                 return None;
             }
-            self.calibrate();
             let wanted = self.wanted(sampler.most(), rule);
             if wanted.is_empty() {
                 return Some(samples);
             }
             for index in wanted {
-                samples += self.grow(index, sampler, &mut scratch);
+                samples += self.grow(index, sampler, rule, &mut scratch);
             }
+            self.weigh();
         }
     }
 
@@ -206,7 +229,8 @@ impl Block {
     /// Samples that `rule` asks for at once.
     pub(super) fn samples_wanted<F: ImageFunction>(&self, sampler: &Sampler<'_, F>, rule: &Rule) -> u64 {
         let wanted = self.wanted(sampler.most(), rule);
-        wanted.iter().map(|&index| u64::from(self.pixels[index].all_runs().max(4))).sum()
+        let growth = |pixel: &Pixel| u64::from(QUARTERS * (pixel.next_runs(rule) - pixel.runs));
+        wanted.iter().map(|&index| growth(&self.pixels[index])).sum()
     }
 
     /// Whether no pixel may have more runs.
@@ -214,18 +238,19 @@ impl Block {
         self.pixels.iter().all(|pixel| pixel.all_runs() >= QUARTERS * sampler.most())
     }
 
-    /// Twice as many runs for a pixel; samples taken.
+    /// More runs for a pixel; samples taken.
     fn grow<F: ImageFunction>(
         &mut self,
         index: usize,
         sampler: &Sampler<'_, F>,
+        rule: &Rule,
         scratch: &mut PixelAccumulator,
     ) -> u64 {
         let width = self.window.width as usize;
         #[allow(clippy::cast_possible_truncation, reason = "below 16")]
         let place = (self.window.x + (index % width) as u32, self.rows[index / width]);
         let pixel = &mut self.pixels[index];
-        let to = (2 * pixel.runs).max(1);
+        let to = pixel.next_runs(rule);
         sampler.add(0, place, (pixel.runs, to), &mut pixel.sums, scratch);
         if let Some(twin) = &mut pixel.twin {
             sampler.add(1, place, (pixel.runs, to), twin, scratch);
@@ -238,22 +263,20 @@ impl Block {
 
     /// Pixels with fewer runs than they are to have.
     fn wanted(&self, most: u32, rule: &Rule) -> Vec<usize> {
-        let least = f64::from(if let Rule::Runs(asked) = rule { *asked } else { LEAST_RUNS });
+        let least = f64::from(rule.least());
         let most_runs = f64::from(most * QUARTERS);
         let bounded = |runs: f64| runs.max(least).min(most_runs);
+        let has_fewer = |index: &usize, asked: f64| f64::from(self.pixels[*index].all_runs()) < asked;
+        let all = 0..self.pixels.len();
+        if let Rule::Relative(bound) = rule {
+            // By its neighbours' variances alone: were its own counted, pixels that missed what is rare at first would be left
+            // as they are.
+            return all.filter(|i| has_fewer(i, bounded((self.around[*i] / bound).sqrt()))).collect();
+        }
         let needed: Vec<f64> =
             self.pixels.iter().map(|p| rule.needed(&self.estimate(p), f64::from(p.all_runs()))).collect();
-        let wants = |&index: &usize| {
-            let pixel = &self.pixels[index];
-            let asked = match rule {
-                // By its neighbours' variances alone: were its own counted, pixels that missed what is rare at first would be
-                // left as they are.
-                Rule::Relative(_) => bounded(self.around(index, Own::Apart, |i| needed[i] * needed[i]).sqrt()),
-                _ => bounded(needed[index]).max(self.around(index, Own::Counted, |i| bounded(needed[i]))),
-            };
-            f64::from(pixel.all_runs()) < asked
-        };
-        (0..self.pixels.len()).filter(wants).collect()
+        let asked = |i: usize| bounded(needed[i]).max(self.around(i, Own::Counted, |n| bounded(needed[n])));
+        all.filter(|i| has_fewer(i, asked(*i))).collect()
     }
 
     /// Mean of `value` over a pixel's neighbours in the block, and the pixel itself if it is counted or has none.

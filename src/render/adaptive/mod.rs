@@ -1,7 +1,7 @@
 //! Sampling that stops when a picture is accurate enough, or when its time is up (Mitchell 1990, §5.1; Lee, Redner and
 //! Uselton 1985).
 //!
-//! A pixel has one Sobol sequence, which grows to twice its runs, and twice again; its quarters, each a design of its own,
+//! A pixel has one sequence ([`Kind::Growing`]), which grows to twice its runs, and twice again; its quarters, each a design of its own,
 //! stand for replicates. Their spread says where runs help, and no convergence is lost to replicates that know nothing of
 //! each other. But quarters stratify each other, so that their spread overstates the error of the whole (§5.1).
 //!
@@ -92,10 +92,10 @@ impl Adaptive {
                 format!("expected {LEAST_RUNS} to {MOST_RUNS}"),
             ));
         }
-        if !matches!(kind, Kind::Auto | Kind::Nested | Kind::Sobol | Kind::Random) {
+        if !matches!(kind, Kind::Auto | Kind::Growing | Kind::Nested | Kind::Sobol | Kind::Random) {
             return Err(Error::invalid(
                 format!("--design {kind} with {flag}"),
-                "it cannot grow run by run; expected auto, nested, sobol or random",
+                "it cannot grow run by run; expected auto, growing, nested, sobol or random",
             ));
         }
         if !matches!(dither.mask, Mask::Auto | Mask::None) {
@@ -176,15 +176,25 @@ impl<F: ImageFunction> Passes<'_, F> {
         }
     }
 
+    /// The pass that nothing can stop before: those before it ask for fewer runs, and need not be made one by one.
+    fn first(&self) -> u32 {
+        match self.goal {
+            Goal::Within(_) => 0,
+            Goal::Until(_) | Goal::Error(_) => 2,
+            Goal::Mean(runs) => (runs / 4).clamp(1, 4).ilog2(),
+            Goal::Passes(passes) => passes.clamp(1, 3) - 1,
+        }
+    }
+
     /// Later passes ask for a relative error of 2⁻⁴⁸ a run: nothing can.
     const LAST: u32 = 256;
 
     fn run(mut self, film: &mut Film) -> Option<u32> {
         let (started, mut samples) = (Instant::now(), 0_u64);
-        let mut passes = 0;
+        let mut passes = self.first();
         while passes < Self::LAST {
             let rule = Self::rule(passes);
-            if passes > 0 && self.exceeds(&rule, samples, started) {
+            if passes > self.first() && self.exceeds(&rule, samples, started) {
                 break;
             }
             let done: Option<Vec<u64>> =

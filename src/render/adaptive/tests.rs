@@ -123,7 +123,7 @@ fn intervals_of_pixels_that_stopped_hold_the_truth_in_93_to_97_of_100() {
 }
 
 /// Squared errors over stated variances, 16 384 pixels: 1 within a sixth where twins calibrate the quarters' spread, which by
-/// itself overstates them by more than that.
+/// itself overstates them by more than that, 3.4 times at the 28th pass.
 #[test]
 fn twins_tell_what_the_spread_of_quarters_stands_for() {
     let ratio = |goal: Goal| {
@@ -131,7 +131,7 @@ fn twins_tell_what_the_spread_of_quarters_stands_for() {
         let square: f64 = pixels.iter().map(|(p, truth)| (f64::from(p.radiance.x) - truth).powi(2)).sum();
         square / pixels.iter().map(|(p, _)| f64::from(p.variance.x)).sum::<f64>()
     };
-    let (held, loose) = (ratio(Goal::Error(0.04)), ratio(Goal::Passes(3)));
+    let (held, loose) = (ratio(Goal::Error(0.04)), ratio(Goal::Passes(28)));
     assert!((held - 1.0).abs() < 1.0 / 6.0 && loose < 5.0 / 6.0, "{held} {loose}");
 }
 
