@@ -90,6 +90,7 @@ fn every_design_is_unbiased_and_no_worse_than_independent_points() {
         Kind::OrthogonalStrength3,
         Kind::Sobol,
         Kind::Nested,
+        Kind::Growing,
         Kind::Strong,
     ] {
         let runs = if kind == Kind::OrthogonalStrength3 { 27 } else { 16 };
