@@ -8,8 +8,9 @@ SCRIPT is a renderer's NAME_render.py (see README.md). `measure` appends one lin
 seconds over cores, and relMSE, the mean over pixels and channels of squared error / (value^2 + 0.01). The squared error
 is half the mean squared difference of two pictures of the same number of runs and seeds of their own, which is exactly
 the variance of either; the value is the mean of all pictures. So each renderer is held against itself and no reference
-has to be rendered. `table` reads the seconds to 1e-3 and to 1e-4 off the straight line through the measured points in
-both logarithms, and marks with ~ what lies beyond them.
+has to be rendered. `table` reads the runs to 1e-3 and to 1e-4 off the straight line through the measured points in both
+logarithms, and marks with ~ what lies beyond them: there the seconds are those of the nearest point, in proportion to
+the runs. (Seconds wander where errors do not: a line through two of them would be extrapolated with their noise.)
 
 Needs numpy and OpenEXR. Frame and exposure are chosen below; the lens is read from the file.
 """
@@ -100,15 +101,19 @@ def lines(path):
         runs = sorted(by_runs)
         seconds, errors = np.log([by_runs[r] for r in runs]).T
         slope, _ = np.polyfit(np.log(runs), errors, 1)
-        found[key] = ([reach(seconds, errors, math.log(t)) for t in TARGETS], slope)
+        found[key] = ([reach(np.log(runs), seconds, errors, math.log(t)) for t in TARGETS], slope)
     return found
 
 
-def reach(seconds, errors, target):
-    """Seconds to `target`, all in logarithms: between neighbours, or on from the last two."""
+def reach(runs, seconds, errors, target):
+    """Seconds to `target`, and whether it is beyond all points; all in logarithms."""
     at = next((i for i in range(len(errors) - 1) if errors[i + 1] <= target), len(errors) - 2)
     share = (errors[at] - target) / (errors[at] - errors[at + 1])
-    return math.exp(seconds[at] + share * (seconds[at + 1] - seconds[at])), not 0 <= share <= 1
+    if 0 <= share <= 1:
+        return math.exp(seconds[at] + share * (seconds[at + 1] - seconds[at])), False
+    nearest = at + 1 if share > 1 else at
+    beyond = (share - (nearest - at)) * (runs[at + 1] - runs[at])
+    return math.exp(seconds[nearest] + beyond), True
 
 
 def table(o):
