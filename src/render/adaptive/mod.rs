@@ -1,9 +1,9 @@
 //! Sampling that stops when a picture is accurate enough, or when its time is up (Mitchell 1990, §5.1; Lee, Redner and
 //! Uselton 1985).
 //!
-//! A pixel has one sequence ([`Kind::Growing`]), which grows to twice its runs, and twice again; its quarters, each a design of its own,
-//! stand for replicates. Their spread says where runs help, and no convergence is lost to replicates that know nothing of
-//! each other. But quarters stratify each other, so that their spread overstates the error of the whole (§5.1).
+//! A pixel has one sequence ([`Kind::Growing`]), which grows to twice its runs, and twice again; its quarters, each a design
+//! of its own, stand for replicates. Their spread says where runs help, and no convergence is lost to replicates that know
+//! nothing of each other. But quarters stratify each other, so that their spread overstates the error of the whole (§5.1).
 //!
 //! Where a pixel is held to its own interval, the overstatement is measured: one pixel of every four has two independent
 //! sequences, and the square of their difference, over a block's twins, says what the spread of quarters stands for
