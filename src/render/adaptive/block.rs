@@ -49,13 +49,12 @@ impl Rule {
             return 0.0;
         }
         match self {
-            Self::Runs(_) => 0.0,
+            // The one asks for a number, the other asks a pixel's neighbours: see `Block::wanted`.
+            Self::Runs(_) | Self::Relative(_) => 0.0,
             Self::Visible(tolerance, visibility, bound) => {
                 let seen = STUDENT_T * STUDENT_T * visibility.square(estimate) / (tolerance * tolerance);
                 (seen * runs).max((relative_square(estimate) * runs / bound).sqrt())
             }
-            // Asked of a pixel's neighbours: see `Block::wanted`.
-            Self::Relative(_) => 0.0,
         }
     }
 
