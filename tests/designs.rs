@@ -56,6 +56,8 @@ fn each_factor_alone_falls_in_every_stratum_once() {
     for bits in 0..=12 {
         cases.extend([Kind::Strong, Kind::Nested, Kind::Growing, Kind::Sobol].map(|kind| (kind, 1 << bits, 13)));
     }
+    // Beyond what its beginning was tuned for.
+    cases.push((Kind::Growing, 1 << 15, 13));
     for q in PRIME_POWERS {
         let factors = u16::try_from(q + 1).unwrap();
         cases.push((Kind::Orthogonal, q * q, factors));

@@ -18,10 +18,20 @@ pub(super) fn grid(window: Window, picture: Window) -> Vec<Window> {
 pub(super) enum Rule {
     /// So many runs each.
     Runs(u32),
-    /// A half-width of the interval, as it is seen, and a bound of the squared relative error over the runs.
-    Visible(f64, Visibility, f64),
-    /// The latter alone.
+    /// What is seen of each pixel's error.
+    Visible(Visible),
+    /// A bound of the squared relative error over the runs.
     Relative(f64),
+}
+
+/// What is asked of a pixel whose own interval counts.
+#[derive(Debug)]
+pub(super) struct Visible {
+    /// The interval's half-width, as it is seen.
+    tolerance: f64,
+    visibility: Visibility,
+    /// Of the squared relative error over the runs.
+    bound: f64,
 }
 
 /// Runs with which a middle grey reaches both bounds of [`Rule::visible`].
@@ -39,28 +49,24 @@ impl Rule {
     /// paid for.
     pub(super) fn visible(tolerance: f64, visibility: Visibility) -> Self {
         let relative = tolerance / STUDENT_T / (visibility.slope(GREY) * (GREY * GREY + DARK).sqrt());
-        Self::Visible(tolerance, visibility, relative * relative / FULL_RUNS)
+        Self::Visible(Visible { tolerance, visibility, bound: relative * relative / FULL_RUNS })
     }
 
+    /// Runs that every pixel has before anything is made of its spread.
+    fn least(&self) -> u32 {
+        if let Self::Runs(asked) = self { *asked } else { LEAST_RUNS }
+    }
+}
+
+impl Visible {
     /// Runs that a pixel like this needs, as far as `runs` of them tell: its squared error falls as 1/runs.
     fn needed(&self, estimate: &PixelEstimate, runs: f64) -> f64 {
         if estimate.runs == 0 {
             // None yet, or none that is finite: more would not help.
             return 0.0;
         }
-        match self {
-            // The one asks for a number, the other asks a pixel's neighbours: see `Block::wanted`.
-            Self::Runs(_) | Self::Relative(_) => 0.0,
-            Self::Visible(tolerance, visibility, bound) => {
-                let seen = STUDENT_T * STUDENT_T * visibility.square(estimate) / (tolerance * tolerance);
-                (seen * runs).max((relative_square(estimate) * runs / bound).sqrt())
-            }
-        }
-    }
-
-    /// Runs that every pixel has before anything is made of its spread.
-    fn least(&self) -> u32 {
-        if let Self::Runs(asked) = self { *asked } else { LEAST_RUNS }
+        let seen = STUDENT_T * STUDENT_T * self.visibility.square(estimate) / (self.tolerance * self.tolerance);
+        (seen * runs).max((relative_square(estimate) * runs / self.bound).sqrt())
     }
 }
 
@@ -83,14 +89,17 @@ struct Pixel {
 }
 
 impl Pixel {
+    fn sequences(&self) -> u32 {
+        1 + u32::from(self.twin.is_some())
+    }
+
     fn all_runs(&self) -> u32 {
-        self.runs * QUARTERS * if self.twin.is_some() { 2 } else { 1 }
+        self.runs * QUARTERS * self.sequences()
     }
 
     /// Runs that its quarters come to next: all that `rule` has before anything else, then twice as many each time.
     fn next_runs(&self, rule: &Rule) -> u32 {
-        let sequences = if self.twin.is_some() { 2 } else { 1 };
-        if self.runs == 0 { rule.least() / (QUARTERS * sequences) } else { 2 * self.runs }
+        if self.runs == 0 { rule.least() / (QUARTERS * self.sequences()) } else { 2 * self.runs }
     }
 
     /// What its sequences show together.
@@ -158,9 +167,11 @@ impl Block {
         self
     }
 
-    /// Takes in what new runs tell of all pixels.
-    fn weigh(&mut self) {
-        self.calibrate();
+    /// Takes in what new runs tell of all pixels, as far as `rule` or one after it asks.
+    fn weigh(&mut self, rule: &Rule) {
+        if let Rule::Visible(_) = rule {
+            return self.calibrate();
+        }
         let of_a_run = |p: &Pixel| relative_square(&self.estimate(p)) * f64::from(p.all_runs());
         let own: Vec<f64> = self.pixels.iter().map(|p| if p.estimate.runs == 0 { 0.0 } else { of_a_run(p) }).collect();
         self.around = (0..own.len()).map(|index| self.around(index, Own::Apart, |i| own[i])).collect();
@@ -209,7 +220,7 @@ impl Block {
             for index in wanted {
                 samples += self.grow(index, sampler, rule, &mut scratch);
             }
-            self.weigh();
+            self.weigh(rule);
         }
     }
 
@@ -267,15 +278,18 @@ impl Block {
         let bounded = |runs: f64| runs.max(least).min(most_runs);
         let has_fewer = |index: &usize, asked: f64| f64::from(self.pixels[*index].all_runs()) < asked;
         let all = 0..self.pixels.len();
-        if let Rule::Relative(bound) = rule {
+        match rule {
+            Rule::Runs(_) => all.filter(|i| has_fewer(i, bounded(least))).collect(),
             // By its neighbours' variances alone: were its own counted, pixels that missed what is rare at first would be left
             // as they are.
-            return all.filter(|i| has_fewer(i, bounded((self.around[*i] / bound).sqrt()))).collect();
+            Rule::Relative(bound) => all.filter(|i| has_fewer(i, bounded((self.around[*i] / bound).sqrt()))).collect(),
+            Rule::Visible(seen) => {
+                let needed: Vec<f64> =
+                    self.pixels.iter().map(|p| seen.needed(&self.estimate(p), f64::from(p.all_runs()))).collect();
+                let asked = |i: usize| bounded(needed[i]).max(self.around(i, Own::Counted, |n| bounded(needed[n])));
+                all.filter(|i| has_fewer(i, asked(*i))).collect()
+            }
         }
-        let needed: Vec<f64> =
-            self.pixels.iter().map(|p| rule.needed(&self.estimate(p), f64::from(p.all_runs()))).collect();
-        let asked = |i: usize| bounded(needed[i]).max(self.around(i, Own::Counted, |n| bounded(needed[n])));
-        all.filter(|i| has_fewer(i, asked(*i))).collect()
     }
 
     /// Mean of `value` over a pixel's neighbours in the block, and the pixel itself if it is counted or has none.

@@ -22,10 +22,21 @@ fn asked(goal: Goal) -> Adaptive {
 }
 
 fn sampled(function: &impl ImageFunction, goal: Goal, size: (u32, u32), window: Option<Window>, lines: Lines) -> Film {
+    drawn_by(Kind::Auto, function, goal, size, window, lines)
+}
+
+fn drawn_by(
+    kind: Kind,
+    function: &impl ImageFunction,
+    goal: Goal,
+    size: (u32, u32),
+    window: Option<Window>,
+    lines: Lines,
+) -> Film {
     let mut film = Film::new(size.0, size.1, window).unwrap();
     let filter = Filter::new("box".parse().unwrap());
     let pass = Pass { footprint: Footprint::PROGRESSIVE, filter: &filter, lines, number: 3 };
-    let options = DesignOptions { seed: 9, ..DesignOptions::default() };
+    let options = DesignOptions { kind, seed: 9, ..DesignOptions::default() };
     let progress = Progress::default();
     integrate(function, (&options, &FACTORS), &asked(goal), &pass, &mut film, None, &progress).unwrap();
     film
@@ -49,6 +60,16 @@ fn a_crop_is_what_the_whole_picture_shows_there() {
                 assert_eq!(at(&whole), at(&crop), "{goal:?} {x} {y}");
             }
         }
+    }
+}
+
+#[test]
+fn pixels_draw_growing_sequences_unless_others_are_asked_for() {
+    for goal in [Goal::Error(0.05), Goal::Mean(32)] {
+        let film = |kind| drawn_by(kind, &Shown(disk), goal, (32, 20), None, Lines::All);
+        let (usual, growing, sobol) = (film(Kind::Auto), film(Kind::Growing), film(Kind::Sobol));
+        assert_eq!(usual.pixels(), growing.pixels(), "{goal:?}");
+        assert_ne!(usual.pixels(), sobol.pixels(), "{goal:?}");
     }
 }
 

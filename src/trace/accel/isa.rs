@@ -8,7 +8,7 @@
 use super::frame::RayFrame;
 use super::node::{MovingNode, Opened, Planes, StillNode};
 use super::tree::{MovingTree, StillTree};
-use super::walk::{Query, walk_triangles};
+use super::walk::{Query, Waiting, walk_triangles};
 
 /// A way to compile the inner loops.
 pub(super) trait Isa {
@@ -28,7 +28,7 @@ pub(super) trait Isa {
         ray: &RayFrame,
         space: u32,
         query: &mut Query<'_>,
-        stack: &mut [u64],
+        stack: &Waiting,
     ) -> bool;
 
     /// Walks a tree of moving triangles.
@@ -38,7 +38,7 @@ pub(super) trait Isa {
         time: f32,
         space: u32,
         query: &mut Query<'_>,
-        stack: &mut [u64],
+        stack: &Waiting,
     ) -> bool;
 }
 
@@ -69,7 +69,7 @@ impl Isa for Portable {
         ray: &RayFrame,
         space: u32,
         query: &mut Query<'_>,
-        stack: &mut [u64],
+        stack: &Waiting,
     ) -> bool {
         walk_triangles::<Self, _, _, ANY>(tree, root, ray, 0.0, space, query, stack)
     }
@@ -80,7 +80,7 @@ impl Isa for Portable {
         time: f32,
         space: u32,
         query: &mut Query<'_>,
-        stack: &mut [u64],
+        stack: &Waiting,
     ) -> bool {
         walk_triangles::<Self, _, _, ANY>(tree, tree.nodes.root, ray, time, space, query, stack)
     }
@@ -132,7 +132,9 @@ mod avx2 {
                   `tests::compare` holds it to the portable twin bit for bit"
     )]
 
-    use super::{Isa, MovingNode, MovingTree, Opened, Planes, Query, RayFrame, StillNode, StillTree, walk_triangles};
+    use super::{
+        Isa, MovingNode, MovingTree, Opened, Planes, Query, RayFrame, StillNode, StillTree, Waiting, walk_triangles,
+    };
     use std::arch::x86_64::{
         __m256, _CMP_LE_OQ, _MM_HINT_T0, _mm_prefetch, _mm256_cmp_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_max_ps,
         _mm256_min_ps, _mm256_movemask_ps, _mm256_set1_ps, _mm256_setzero_ps,
@@ -205,7 +207,7 @@ mod avx2 {
         ray: &RayFrame,
         space: u32,
         query: &mut Query<'_>,
-        stack: &mut [u64],
+        stack: &Waiting,
     ) -> bool {
         walk_triangles::<Avx2, _, _, ANY>(tree, root, ray, 0.0, space, query, stack)
     }
@@ -217,7 +219,7 @@ mod avx2 {
         time: f32,
         space: u32,
         query: &mut Query<'_>,
-        stack: &mut [u64],
+        stack: &Waiting,
     ) -> bool {
         walk_triangles::<Avx2, _, _, ANY>(tree, tree.nodes.root, ray, time, space, query, stack)
     }
@@ -252,7 +254,7 @@ mod avx2 {
             ray: &RayFrame,
             space: u32,
             query: &mut Query<'_>,
-            stack: &mut [u64],
+            stack: &Waiting,
         ) -> bool {
             debug_assert!(Avx2::is_present());
             // SAFETY: the processor has the features, see `Avx2`.
@@ -265,7 +267,7 @@ mod avx2 {
             time: f32,
             space: u32,
             query: &mut Query<'_>,
-            stack: &mut [u64],
+            stack: &Waiting,
         ) -> bool {
             debug_assert!(Avx2::is_present());
             // SAFETY: the processor has the features, see `Avx2`.

@@ -38,14 +38,13 @@ use crate::scene::{Geometry, Instance, MeshId, Motion, NodeId, Scene, Stage};
 use crate::trace::{Backs, Hit, Ray};
 use body::{Body, Form, Vertices};
 use glam::Affine3A;
-use guard::Guard;
 use rayon::prelude::*;
-use std::cell::RefCell;
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Instant;
 use top::{Place, Pose, Structures, Top};
-use walk::{Found, Query, WORLD};
+use walk::{Found, Query, WORLD, Waiting};
 use world::{PartKey, World};
 
 /// What a build made, and what it cost.
@@ -94,18 +93,14 @@ enum Route {
 /// The structures of one exposure.
 #[derive(Debug)]
 pub struct Accel {
-    world: Option<Arc<World>>,
-    /// The stage's instance of each part of `world`.
+    structures: Structures,
+    /// The stage's instance of each part of the world's structure.
     world_instances: Vec<u32>,
-    places: Vec<Place>,
     /// Of each of the stage's instances.
     routes: Vec<Route>,
-    top: Top,
-    /// Spares rays the top level.
-    guard: Option<Guard>,
     bodies: Bodies,
-    bounds: Aabb,
-    stack: usize,
+    /// Most entries that a walk leaves waiting.
+    waiting: usize,
     stats: Stats,
     kernel: Kernel,
 }
@@ -131,14 +126,17 @@ impl Kernel {
 /// [`top::search`] compiled for processors with AVX2.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn search_avx2<const ANY: bool>(all: &Structures<'_>, ray: &Ray, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
+fn search_avx2<const ANY: bool>(all: &Structures, ray: &Ray, query: &mut Query<'_>, stack: &Waiting) -> bool {
     top::search::<isa::Avx2, ANY>(all, ray, query, stack)
 }
 
+/// Entries that a thread has room for; what is deeper gets room of its own for each ray.
+const ROOM: usize = 1024;
+
 thread_local! {
-    /// What the walks of one thread leave waiting; it grows to what the deepest structure needs. (An array on the
-    /// machine's own stack would have to be cleared for each ray.)
-    static WAITING: RefCell<Vec<u64>> = const { RefCell::new(Vec::new()) };
+    /// What the walks of one thread leave waiting. (An array on the machine's own stack would have to be cleared for each
+    /// ray, and one that grows has to be asked each time whether it is borrowed and whether it is still there.)
+    static WAITING: [Cell<u64>; ROOM] = const { [const { Cell::new(0) }; ROOM] };
 }
 
 impl Accel {
@@ -180,21 +178,9 @@ impl Accel {
                 _ => Route::Posed,
             };
         }
-        let places: Vec<Place> = places.into_iter().map(|(place, _)| place).collect();
-        let top = Top::build(&places, world.as_deref());
-        let mut accel = Self {
-            bounds: Aabb::EMPTY,
-            stack: 0,
-            stats,
-            kernel: Kernel::detect(),
-            world,
-            world_instances,
-            places,
-            routes,
-            top,
-            guard: None,
-            bodies,
-        };
+        let structures = Structures::new(world, places.into_iter().map(|(place, _)| place).collect());
+        let kernel = Kernel::detect();
+        let mut accel = Self { structures, world_instances, routes, bodies, waiting: 0, stats, kernel };
         accel.summarize();
         accel.stats.seconds = started.elapsed().as_secs_f64();
         accel
@@ -202,20 +188,14 @@ impl Accel {
 
     /// Fills in what follows from the structures.
     fn summarize(&mut self) {
-        let below = self.bodies.values().map(|b| b.stack()).chain(self.world.iter().map(|w| w.tree.nodes.stack)).max();
-        self.stack = self.top.stack() + below.unwrap_or(0);
-        self.bounds = match &self.top {
-            Top::World => self.world.as_ref().map_or(Aabb::EMPTY, |w| w.tree.nodes.bounds),
-            Top::Still(t) => t.nodes.bounds,
-            Top::Moving(slabs) => slabs.iter().fold(Aabb::EMPTY, |all, t| all.join(&t.nodes.bounds)),
-        };
-        let world = self.world.as_ref().map_or(Aabb::EMPTY, |w| w.tree.nodes.bounds);
-        self.guard = Guard::around(&self.top.places(), &world);
+        let Structures { world, places, top, .. } = &self.structures;
+        let below = self.bodies.values().map(|b| b.stack()).chain(world.iter().map(|w| w.tree.nodes.stack)).max();
+        self.waiting = top.stack() + below.unwrap_or(0);
         let stats = &mut self.stats;
-        stats.places = self.places.len();
-        stats.slabs = if let Top::Moving(slabs) = &self.top { slabs.len() } else { 0 };
-        stats.bytes = self.top.bytes();
-        if let Some(world) = &self.world {
+        stats.places = places.len();
+        stats.slabs = if let Top::Moving(slabs) = top { slabs.len() } else { 0 };
+        stats.bytes = top.bytes();
+        if let Some(world) = world {
             stats.bytes += world.tree.bytes();
             stats.still_triangles += world.triangles;
         }
@@ -244,21 +224,21 @@ impl Accel {
         self.run::<true>(ray, &|found| accept(&self.hit(found))).0
     }
 
+    #[inline]
     fn run<const ANY: bool>(&self, ray: &Ray, accept: &dyn Fn(&Found) -> bool) -> (bool, Option<Found>) {
-        WAITING.with_borrow_mut(|stack| {
-            if stack.len() < self.stack {
-                stack.resize(self.stack, 0);
-            }
-            self.run_on::<ANY>(ray, accept, stack)
-        })
+        if self.waiting > ROOM {
+            return self.run_on::<ANY>(ray, accept, &vec![Cell::new(0); self.waiting]);
+        }
+        WAITING.with(|waiting| self.run_on::<ANY>(ray, accept, waiting))
     }
 
+    #[inline]
     #[allow(unsafe_code, reason = "the only way to call code compiled for a processor feature found at run time")]
     fn run_on<const ANY: bool>(
         &self,
         ray: &Ray,
         accept: &dyn Fn(&Found) -> bool,
-        stack: &mut [u64],
+        waiting: &Waiting,
     ) -> (bool, Option<Found>) {
         let precedes = |a: &Found, b: &Found| {
             let (a, b) = (self.hit(a), self.hit(b));
@@ -269,20 +249,13 @@ impl Accel {
             Backs::Stop => 0,
         };
         let mut query = Query { limit: ray.t_max, found: None, skips, accept, precedes: &precedes };
-        let all = Structures {
-            world: self.world.as_deref(),
-            places: &self.places,
-            top: &self.top,
-            guard: self.guard.as_ref(),
-            bounds: &self.bounds,
-        };
         let stopped = match self.kernel {
-            Kernel::Portable => top::search::<isa::Portable, ANY>(&all, ray, &mut query, stack),
+            Kernel::Portable => top::search::<isa::Portable, ANY>(&self.structures, ray, &mut query, waiting),
             #[cfg(target_arch = "x86_64")]
             Kernel::Avx2 => {
                 debug_assert!(isa::Avx2::is_present());
                 // SAFETY: `Kernel::Avx2` is only made by `Kernel::detect`, after the processor was asked.
-                unsafe { search_avx2::<ANY>(&all, ray, &mut query, stack) }
+                unsafe { search_avx2::<ANY>(&self.structures, ray, &mut query, waiting) }
             }
         };
         (stopped, query.found)
@@ -291,10 +264,10 @@ impl Accel {
     /// The hit by the stage's names.
     fn hit(&self, found: &Found) -> Hit {
         let (instance, triangle) = if found.space == WORLD {
-            let (part, triangle) = self.world.as_ref().map_or((0, 0), |w| w.locate(found.index));
+            let (part, triangle) = self.structures.world.as_ref().map_or((0, 0), |w| w.locate(found.index));
             (self.world_instances[part], triangle)
         } else {
-            (self.places[found.space as usize].instance, found.index)
+            (self.structures.places[found.space as usize].instance, found.index)
         };
         Hit { t: found.candidate.t, u: found.candidate.u, v: found.candidate.v, instance, triangle }
     }
@@ -302,7 +275,7 @@ impl Accel {
     /// Bounds of everything over the whole exposure; empty where there is nothing.
     #[must_use]
     pub fn bounds(&self) -> Aabb {
-        self.bounds
+        self.structures.bounds
     }
 
     /// What the build made and cost.
@@ -322,7 +295,7 @@ fn build_world(
 ) -> (Option<Arc<World>>, Vec<u32>) {
     let keys = || members.iter().map(|(_, i, g)| PartKey::of(i, g));
     let instances = members.iter().map(|m| m.0).collect();
-    if let Some(old) = previous.and_then(|p| p.world.as_ref())
+    if let Some(old) = previous.and_then(|p| p.structures.world.as_ref())
         && old.parts.iter().copied().eq(keys())
     {
         stats.reused += 1;

@@ -223,7 +223,7 @@ proptest! {
             instances.push(Instance { geometry: 1, motion, node, permanent: false });
         }
         let stage = stage(vec![rest(), rest()], instances);
-        prop_assert!(Accel::build(&scene, &stage, None).guard.is_some());
+        prop_assert!(Accel::build(&scene, &stage, None).structures.guard.is_some());
         compare(&scene, &stage, 200, &mut dice);
     }
 

@@ -11,7 +11,7 @@ use super::node::{MovingNode, StillNode, WideNode};
 use super::sweep::swept;
 use super::topology::{self, Reference};
 use super::tree::Nodes;
-use super::walk::{Query, Visit, WORLD, walk, walk_triangles};
+use super::walk::{Query, Visit, WORLD, Waiting, walk, walk_triangles};
 use super::world::World;
 use crate::factor::compiled;
 use crate::scene::motion::segment_at;
@@ -236,14 +236,30 @@ impl Place {
 }
 
 /// What a query walks through.
-pub(super) struct Structures<'a> {
-    pub(super) world: Option<&'a World>,
-    pub(super) places: &'a [Place],
-    pub(super) top: &'a Top,
+#[derive(Debug)]
+pub(super) struct Structures {
+    /// What never moves, as one tree.
+    pub(super) world: Option<Arc<World>>,
+    pub(super) places: Vec<Place>,
+    pub(super) top: Top,
     /// Around the places, where that spares rays the top level.
-    pub(super) guard: Option<&'a Guard>,
+    pub(super) guard: Option<Guard>,
     /// Of everything.
-    pub(super) bounds: &'a Aabb,
+    pub(super) bounds: Aabb,
+}
+
+impl Structures {
+    /// Over `places` and the world's structure.
+    pub(super) fn new(world: Option<Arc<World>>, places: Vec<Place>) -> Self {
+        let top = Top::build(&places, world.as_deref());
+        let own = world.as_ref().map_or(Aabb::EMPTY, |w| w.tree.nodes.bounds);
+        let bounds = match &top {
+            Top::World => own,
+            Top::Still(t) => t.nodes.bounds,
+            Top::Moving(slabs) => slabs.iter().fold(Aabb::EMPTY, |all, t| all.join(&t.nodes.bounds)),
+        };
+        Self { guard: Guard::around(&top.places(), &own), bounds, world, places, top }
+    }
 }
 
 /// `origin` and `direction` before `m`, by Cramer's rule: half the work of an inverse.
@@ -258,7 +274,7 @@ fn solved(m: &Affine3A, origin: Vec3A, direction: Vec3A) -> (Vec3A, Vec3A) {
 
 /// Places and parts of the world as leaves.
 struct Places<'a, I, const ANY: bool> {
-    all: &'a Structures<'a>,
+    all: &'a Structures,
     items: &'a [Item],
     ray: &'a Ray,
     /// The ray in the world. The bounds that it was made for enclose the world's structure too.
@@ -268,18 +284,18 @@ struct Places<'a, I, const ANY: bool> {
 
 impl<'a, I: Isa, const ANY: bool> Places<'a, I, ANY> {
     #[inline(always)]
-    fn new(all: &'a Structures<'a>, items: &'a [Item], ray: &'a Ray, frame: &'a RayFrame) -> Self {
+    fn new(all: &'a Structures, items: &'a [Item], ray: &'a Ray, frame: &'a RayFrame) -> Self {
         Self { all, items, ray, frame, isa: std::marker::PhantomData }
     }
 }
 
 impl<I: Isa, const ANY: bool> Visit for Places<'_, I, ANY> {
     #[inline(always)]
-    fn visit(&self, leaf: u32, query: &mut Query<'_>, stack: &mut [u64]) -> bool {
+    fn visit(&self, leaf: u32, query: &mut Query<'_>, stack: &Waiting) -> bool {
         let item = match self.items[leaf as usize] {
             Item::Place(item) => item,
             Item::World(root) => {
-                let Some(World { tree, .. }) = self.all.world else { return false };
+                let Some(World { tree, .. }) = self.all.world.as_deref() else { return false };
                 return I::walk_still::<ANY>(tree, root, self.frame, WORLD, query, stack);
             }
         };
@@ -311,14 +327,14 @@ impl<I: Isa, const ANY: bool> Visit for Places<'_, I, ANY> {
 /// Walks everything. Returns whether a hit ended it (`ANY` only).
 #[inline(always)]
 pub(super) fn search<I: Isa, const ANY: bool>(
-    all: &Structures<'_>,
+    all: &Structures,
     ray: &Ray,
     query: &mut Query<'_>,
-    stack: &mut [u64],
+    stack: &Waiting,
 ) -> bool {
-    let frame = RayFrame::new(ray.origin, ray.direction, all.bounds);
-    if all.guard.is_none_or(|guard| guard.is_met(&frame, query.limit)) {
-        match all.top {
+    let frame = RayFrame::new(ray.origin, ray.direction, &all.bounds);
+    if all.guard.as_ref().is_none_or(|guard| guard.is_met(&frame, query.limit)) {
+        match &all.top {
             Top::World => {}
             Top::Still(top) => {
                 let places = Places::<I, ANY>::new(all, &top.items, ray, &frame);
@@ -332,7 +348,7 @@ pub(super) fn search<I: Isa, const ANY: bool>(
             }
         }
     }
-    let Some(World { tree, .. }) = all.world else { return false };
+    let Some(World { tree, .. }) = all.world.as_deref() else { return false };
     walk_triangles::<I, _, _, ANY>(tree, tree.nodes.root, &frame, 0.0, WORLD, query, stack)
 }
 

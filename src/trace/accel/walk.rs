@@ -6,6 +6,7 @@ use super::frame::RayFrame;
 use super::isa::Isa;
 use super::node::WideNode;
 use super::tree::{Nodes, Tree};
+use std::cell::Cell;
 
 /// A hit by the names that the structure uses.
 #[derive(Debug, Clone, Copy)]
@@ -55,11 +56,15 @@ impl Query<'_> {
     }
 }
 
+/// Room for what a walk leaves for later. Cells: a thread's own room is lent to one walk after another without a flag that
+/// says so.
+pub(super) type Waiting = [Cell<u64>];
+
 /// What a walk does at a leaf. A trait and not a closure: its method is compiled into the loop that calls it, with the
 /// loop's processor features.
 pub(super) trait Visit {
     /// Visits leaf `leaf`; `stack` is free for its use. Returns whether the walk is over.
-    fn visit(&self, leaf: u32, query: &mut Query<'_>, stack: &mut [u64]) -> bool;
+    fn visit(&self, leaf: u32, query: &mut Query<'_>, stack: &Waiting) -> bool;
 
     /// Says that leaf `leaf` may be visited soon.
     fn prefetch<I: Isa>(&self, leaf: u32);
@@ -75,7 +80,7 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
     time: f32,
     leaves: &V,
     query: &mut Query<'_>,
-    stack: &mut [u64],
+    stack: &Waiting,
 ) -> bool {
     let mut waiting = 0;
     let mut current = root;
@@ -107,7 +112,7 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
                     while mask != 0 {
                         let last = (31 - mask.leading_zeros()) as usize & 7;
                         mask ^= 1 << last;
-                        stack[waiting] = u64::from(children[last]);
+                        stack[waiting].set(u64::from(children[last]));
                         waiting += 1;
                     }
                     current = children[first];
@@ -124,7 +129,7 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
                 let (a, b) = sorted(key(first), second);
                 if last {
                     // Two are the most common.
-                    stack[waiting] = b;
+                    stack[waiting].set(b);
                     waiting += 1;
                     current = lower_half(a);
                     continue;
@@ -133,14 +138,14 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
                 let (b, c) = sorted(b, third);
                 let (a, b) = sorted(a, b);
                 let from = waiting;
-                stack[waiting] = c;
-                stack[waiting + 1] = b;
+                stack[waiting].set(c);
+                stack[waiting + 1].set(b);
                 if last {
                     waiting += 2;
                     current = lower_half(a);
                     continue;
                 }
-                stack[waiting + 2] = a;
+                stack[waiting + 2].set(a);
                 waiting += 3;
                 while !last {
                     let more;
@@ -149,10 +154,10 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
                     waiting += 1;
                 }
                 waiting -= 1;
-                current = lower_half(stack[waiting]);
+                current = lower_half(stack[waiting].get());
                 continue;
             }
-        } else if leaves.visit(current & !LEAF, query, &mut stack[waiting..]) {
+        } else if leaves.visit(current & !LEAF, query, &stack[waiting..]) {
             return true;
         }
         loop {
@@ -160,7 +165,7 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
                 return false;
             }
             waiting -= 1;
-            let key = stack[waiting];
+            let key = stack[waiting].get();
             if ANY || f32::from_bits(lower_half(key >> 32)) <= query.limit {
                 current = lower_half(key);
                 break;
@@ -183,13 +188,13 @@ fn sorted(a: u64, b: u64) -> (u64, u64) {
 
 /// Inserts `key` into the descending run `stack[from..to]`.
 #[inline(always)]
-fn insert(stack: &mut [u64], from: usize, to: usize, key: u64) {
+fn insert(stack: &Waiting, from: usize, to: usize, key: u64) {
     let mut at = to;
-    while at > from && stack[at - 1] < key {
-        stack[at] = stack[at - 1];
+    while at > from && stack[at - 1].get() < key {
+        stack[at].set(stack[at - 1].get());
         at -= 1;
     }
-    stack[at] = key;
+    stack[at].set(key);
 }
 
 /// The triangles of a tree as leaves.
@@ -202,7 +207,7 @@ struct Triangles<'a, B, const ANY: bool> {
 
 impl<B: Block, const ANY: bool> Visit for Triangles<'_, B, ANY> {
     #[inline(always)]
-    fn visit(&self, leaf: u32, query: &mut Query<'_>, _: &mut [u64]) -> bool {
+    fn visit(&self, leaf: u32, query: &mut Query<'_>, _: &Waiting) -> bool {
         let block = &self.blocks[leaf as usize];
         let hits = test(block, self.time, self.ray, query.limit);
         let mut mask = hits.mask;
@@ -234,7 +239,7 @@ pub(super) fn walk_triangles<I: Isa, N: WideNode, B: Block, const ANY: bool>(
     time: f32,
     space: u32,
     query: &mut Query<'_>,
-    stack: &mut [u64],
+    stack: &Waiting,
 ) -> bool {
     let leaves = Triangles::<B, ANY> { blocks: &tree.blocks, ray, time, space };
     walk::<I, N, _, ANY>(&tree.nodes, root, ray, time, &leaves, query, stack)
