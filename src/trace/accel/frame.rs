@@ -1,6 +1,7 @@
 //! A ray made ready for one structure: sheared axes for triangles, padded slabs for boxes.
 
 use super::linear::Aabb;
+use super::node::Offset;
 use crate::numeric::UNIT_ROUNDOFF;
 use glam::Vec3A;
 
@@ -41,16 +42,41 @@ pub(super) struct RayFrame {
     pub(super) shear: [f32; 3],
     /// Origin moved outward, against the direction, by what the triangle test may be wrong.
     pub(super) entry_origin: Vec3A,
-    /// Origin moved farther outward for the planes of entry, times `near_inverse`, by axis.
-    pub(super) near_scaled: Vec3A,
-    /// Origin moved outward for the planes of exit, times `far_inverse`.
-    pub(super) far_scaled: Vec3A,
+    /// Minus the origin, moved farther outward for the planes of entry, times `near_inverse`, by axis.
+    pub(super) near_shift: Vec3A,
+    /// Minus the origin, moved outward for the planes of exit, times `far_inverse`.
+    pub(super) far_shift: Vec3A,
     /// Reciprocal of the direction.
     pub(super) near_inverse: Vec3A,
     /// The same, a little larger.
     pub(super) far_inverse: Vec3A,
+    /// Which plane of each axis is entered first, and which is left last.
+    pub(super) planes: PlaneOrder,
     /// Bit of each axis: set where the upper plane of a box is entered first.
     backward: usize,
+}
+
+/// Where the planes that a ray enters and leaves stand among those of eight boxes, by axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlaneOrder {
+    pub(super) near: [Offset; 3],
+    pub(super) far: [Offset; 3],
+}
+
+impl PlaneOrder {
+    /// By [`RayFrame::backward`]: a node need not work it out.
+    const ALL: [Self; 8] = {
+        let mut all = [Self { near: [Offset::of(0, 0); 3], far: [Offset::of(0, 0); 3] }; 8];
+        let mut i = 0;
+        while i < 24 {
+            let (backward, axis) = (i / 3, i % 3);
+            let near = backward >> axis & 1;
+            all[backward].near[axis] = Offset::of(axis, near);
+            all[backward].far[axis] = Offset::of(axis, near ^ 1);
+            i += 1;
+        }
+        all
+    };
 }
 
 impl RayFrame {
@@ -77,6 +103,7 @@ impl RayFrame {
         let far_inverse = inverse * (1.0 + 10.0 * UNIT_ROUNDOFF);
         // Not of the direction: -0.0 is not less than zero, but its reciprocal is.
         let backward = inverse.cmplt(Vec3A::ZERO);
+        let upper_first = backward.bitmask() as usize & 7;
         let outward = |pad: Vec3A| Vec3A::select(backward, -pad, pad);
         Self {
             origin,
@@ -86,26 +113,20 @@ impl RayFrame {
             start: [o[x], o[y], o[z]],
             shear: [d[x] * inverse_z, d[y] * inverse_z, inverse_z],
             entry_origin: origin + outward(pad),
-            near_scaled: (origin + outward(all)) * inverse,
-            far_scaled: (origin - outward(all)) * far_inverse,
+            near_shift: -((origin + outward(all)) * inverse),
+            far_shift: -((origin - outward(all)) * far_inverse),
             near_inverse: inverse,
             far_inverse,
-            backward: backward.bitmask() as usize,
+            planes: PlaneOrder::ALL[upper_first],
+            backward: upper_first,
         }
-    }
-
-    /// Which plane of `axis` is entered first and which is left last: 0 the lower, 1 the upper.
-    #[inline(always)]
-    pub(super) fn sides(&self, axis: usize) -> (usize, usize) {
-        let near = self.backward >> axis & 1;
-        (near, near ^ 1)
     }
 
     /// Whether the box is met no farther than `limit`: tested as the boxes of nodes are.
     #[inline(always)]
     pub(super) fn meets(&self, bounds: &Aabb, limit: f32) -> bool {
-        let near = (bounds.lo * self.near_inverse).min(bounds.hi * self.near_inverse) - self.near_scaled;
-        let far = (bounds.lo * self.far_inverse).max(bounds.hi * self.far_inverse) - self.far_scaled;
+        let near = (bounds.lo * self.near_inverse).min(bounds.hi * self.near_inverse) + self.near_shift;
+        let far = (bounds.lo * self.far_inverse).max(bounds.hi * self.far_inverse) + self.far_shift;
         // In this order what is no number never decides.
         near.max(Vec3A::ZERO).max_element() <= far.min(Vec3A::splat(limit)).min_element()
     }
@@ -117,7 +138,7 @@ impl RayFrame {
     pub(super) fn entry(&self, lo: Vec3A, hi: Vec3A) -> f32 {
         let mut near = 0.0_f32;
         for axis in [2, 1, 0] {
-            let plane = if self.sides(axis).0 == 0 { lo[axis] } else { hi[axis] };
+            let plane = if self.backward >> axis & 1 == 0 { lo[axis] } else { hi[axis] };
             let t = (plane - self.entry_origin[axis]) * self.near_inverse[axis];
             if t > near {
                 near = t;

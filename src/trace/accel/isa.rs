@@ -6,7 +6,7 @@
 //! both answer alike bit for bit and a picture does not depend on the processor.
 
 use super::frame::RayFrame;
-use super::node::{MovingNode, Opened, Planes, StillNode};
+use super::node::{MovingNode, Offset, Opened, Planes, StillNode};
 use super::tree::{MovingTree, StillTree};
 use super::walk::{Query, Waiting, walk_triangles};
 
@@ -18,8 +18,8 @@ pub(super) trait Isa {
     /// Tests the boxes of a moving node at fraction `time` of its segment.
     fn open_moving(node: &MovingNode, ray: &RayFrame, time: f32, limit: f32) -> Opened;
 
-    /// Says that `thing` is read soon.
-    fn prefetch<T>(thing: &T);
+    /// Says that what stands at `place` is read soon, if anything does.
+    fn prefetch<T>(place: *const T);
 
     /// Walks what lies below `root` of a tree of still triangles.
     fn walk_still<const ANY: bool>(
@@ -47,17 +47,17 @@ pub(super) struct Portable;
 
 impl Isa for Portable {
     #[inline(always)]
-    fn prefetch<T>(_thing: &T) {}
+    fn prefetch<T>(_place: *const T) {}
 
     #[inline(always)]
     fn open_still(node: &StillNode, ray: &RayFrame, limit: f32) -> Opened {
-        slabs(|axis, side| node.bounds[axis][side].0, ray, limit)
+        slabs(|at| at.plane(&node.bounds).0, ray, limit)
     }
 
     #[inline(always)]
     fn open_moving(node: &MovingNode, ray: &RayFrame, time: f32, limit: f32) -> Opened {
-        let plane = |axis: usize, side: usize| {
-            let (bounds, deltas) = (&node.bounds[axis][side].0, &node.deltas[axis][side].0);
+        let plane = |at: Offset| {
+            let (bounds, deltas) = (&at.plane(&node.bounds).0, &at.plane(&node.deltas).0);
             std::array::from_fn(|c| bounds[c] + time * deltas[c])
         };
         slabs(plane, ray, limit)
@@ -101,17 +101,16 @@ fn lesser(a: f32, b: f32) -> f32 {
 /// The slab test (Kay and Kajiya 1986), made conservative as [`RayFrame`] says. A ray in a slab's plane gives 0 · ∞,
 /// which never decides: the comparison falls to the value found so far.
 #[inline(always)]
-fn slabs(plane: impl Fn(usize, usize) -> [f32; 8], ray: &RayFrame, limit: f32) -> Opened {
+fn slabs(plane: impl Fn(Offset) -> [f32; 8], ray: &RayFrame, limit: f32) -> Opened {
     let mut near = [0.0_f32; 8];
     let mut far = [limit; 8];
     for axis in [2, 1, 0] {
-        let (near_side, far_side) = ray.sides(axis);
-        let (entry, exit) = (plane(axis, near_side), plane(axis, far_side));
-        let (near_scaled, far_scaled) = (ray.near_scaled[axis], ray.far_scaled[axis]);
+        let (entry, exit) = (plane(ray.planes.near[axis]), plane(ray.planes.far[axis]));
+        let (near_shift, far_shift) = (ray.near_shift[axis], ray.far_shift[axis]);
         let (near_inverse, far_inverse) = (ray.near_inverse[axis], ray.far_inverse[axis]);
         for c in 0..8 {
-            near[c] = greater(entry[c] * near_inverse - near_scaled, near[c]);
-            far[c] = lesser(exit[c] * far_inverse - far_scaled, far[c]);
+            near[c] = greater(entry[c] * near_inverse + near_shift, near[c]);
+            far[c] = lesser(exit[c] * far_inverse + far_shift, far[c]);
         }
     }
     let mut mask = 0;
@@ -133,11 +132,13 @@ mod avx2 {
     )]
 
     use super::{
-        Isa, MovingNode, MovingTree, Opened, Planes, Query, RayFrame, StillNode, StillTree, Waiting, walk_triangles,
+        Isa, MovingNode, MovingTree, Offset, Opened, Planes, Query, RayFrame, StillNode, StillTree, Waiting,
+        walk_triangles,
     };
+    use crate::trace::accel::node::Sides;
     use std::arch::x86_64::{
-        __m256, _CMP_LE_OQ, _MM_HINT_T0, _mm_prefetch, _mm256_cmp_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_max_ps,
-        _mm256_min_ps, _mm256_movemask_ps, _mm256_set1_ps, _mm256_setzero_ps,
+        __m256, _CMP_LE_OQ, _MM_HINT_T0, _mm_prefetch, _mm256_cmp_ps, _mm256_fmadd_ps, _mm256_max_ps, _mm256_min_ps,
+        _mm256_movemask_ps, _mm256_set1_ps, _mm256_setzero_ps,
     };
 
     /// A processor with AVX2 and FMA. Code for it is reached only after the processor was asked: see `Kernel::detect`.
@@ -153,14 +154,15 @@ mod avx2 {
 
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     #[inline]
-    fn load(planes: &Planes) -> __m256 {
-        bytemuck::cast(planes.0)
+    fn load(sides: &Sides, at: Offset) -> __m256 {
+        // SAFETY: an `Offset` is that of a `Planes` in `Sides`, which holds nothing else and is aligned as `__m256` is.
+        unsafe { std::ptr::from_ref(sides).byte_add(at.bytes()).cast::<__m256>().read() }
     }
 
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     #[inline]
-    fn distance(plane: __m256, inverse: f32, scaled: f32) -> __m256 {
-        _mm256_fmsub_ps(plane, _mm256_set1_ps(inverse), _mm256_set1_ps(scaled))
+    fn distance(plane: __m256, inverse: f32, shift: f32) -> __m256 {
+        _mm256_fmadd_ps(plane, _mm256_set1_ps(inverse), _mm256_set1_ps(shift))
     }
 
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -175,11 +177,10 @@ mod avx2 {
     fn open_still(node: &StillNode, ray: &RayFrame, limit: f32) -> Opened {
         let (mut near, mut far) = (_mm256_setzero_ps(), _mm256_set1_ps(limit));
         for axis in [2, 1, 0] {
-            let (near_side, far_side) = ray.sides(axis);
-            let entry = load(&node.bounds[axis][near_side]);
-            let exit = load(&node.bounds[axis][far_side]);
-            near = _mm256_max_ps(distance(entry, ray.near_inverse[axis], ray.near_scaled[axis]), near);
-            far = _mm256_min_ps(distance(exit, ray.far_inverse[axis], ray.far_scaled[axis]), far);
+            let entry = load(&node.bounds, ray.planes.near[axis]);
+            let exit = load(&node.bounds, ray.planes.far[axis]);
+            near = _mm256_max_ps(distance(entry, ray.near_inverse[axis], ray.near_shift[axis]), near);
+            far = _mm256_min_ps(distance(exit, ray.far_inverse[axis], ray.far_shift[axis]), far);
         }
         opened(near, far)
     }
@@ -190,12 +191,10 @@ mod avx2 {
         let (mut near, mut far) = (_mm256_setzero_ps(), _mm256_set1_ps(limit));
         let time = _mm256_set1_ps(time);
         for axis in [2, 1, 0] {
-            let (near_side, far_side) = ray.sides(axis);
-            let (bounds, deltas) = (&node.bounds[axis], &node.deltas[axis]);
-            let at = |side: usize| _mm256_fmadd_ps(time, load(&deltas[side]), load(&bounds[side]));
-            let (entry, exit) = (at(near_side), at(far_side));
-            near = _mm256_max_ps(distance(entry, ray.near_inverse[axis], ray.near_scaled[axis]), near);
-            far = _mm256_min_ps(distance(exit, ray.far_inverse[axis], ray.far_scaled[axis]), far);
+            let at = |plane: Offset| _mm256_fmadd_ps(time, load(&node.deltas, plane), load(&node.bounds, plane));
+            let (entry, exit) = (at(ray.planes.near[axis]), at(ray.planes.far[axis]));
+            near = _mm256_max_ps(distance(entry, ray.near_inverse[axis], ray.near_shift[axis]), near);
+            far = _mm256_min_ps(distance(exit, ray.far_inverse[axis], ray.far_shift[axis]), far);
         }
         opened(near, far)
     }
@@ -226,8 +225,8 @@ mod avx2 {
 
     impl Isa for Avx2 {
         #[inline(always)]
-        fn prefetch<T>(thing: &T) {
-            let first = std::ptr::from_ref(thing).cast::<i8>();
+        fn prefetch<T>(place: *const T) {
+            let first = place.cast::<i8>();
             for line in 0..size_of::<T>().div_ceil(64).min(4) {
                 // SAFETY: SSE is part of every x86-64; a prefetch reads nothing, whatever the address.
                 unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(64 * line)) };

@@ -15,6 +15,31 @@ pub(super) struct Planes(pub(super) [f32; WIDTH]);
 /// needs no check.
 pub(super) type Sides = [[Planes; 2]; 3];
 
+/// Where a plane of [`Sides`] stands there: an offset in bytes, of a whole [`Planes`] by construction.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Offset(usize);
+
+impl Offset {
+    /// Of the lower (`side` 0) or upper (1) plane of `axis`.
+    pub(super) const fn of(axis: usize, side: usize) -> Self {
+        assert!(axis < 3 && side < 2, "three axes, two sides");
+        Self((2 * axis + side) * size_of::<Planes>())
+    }
+
+    /// In bytes, below the size of [`Sides`].
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    pub(super) fn bytes(self) -> usize {
+        self.0
+    }
+
+    /// The plane of `sides` that stands there.
+    #[inline(always)]
+    pub(super) fn plane(self, sides: &Sides) -> &Planes {
+        &sides.as_flattened()[self.0 / size_of::<Planes>()]
+    }
+}
+
 /// Eight boxes that do not move. Four lines of the cache.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]

@@ -319,7 +319,7 @@ impl<I: Isa, const ANY: bool> Visit for Places<'_, I, ANY> {
     #[inline(always)]
     fn prefetch<J: Isa>(&self, leaf: u32) {
         if let Item::Place(place) = self.items[leaf as usize] {
-            J::prefetch(&self.all.places[place as usize]);
+            J::prefetch(self.all.places.as_ptr().wrapping_add(place as usize));
         }
     }
 }

@@ -94,20 +94,12 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
             let mut mask = opened.mask;
             if mask != 0 {
                 let children = node.children();
-                let first = mask.trailing_zeros() as usize & 7;
-                mask &= mask - 1;
+                let first = take(&mut mask);
                 if mask == 0 {
                     current = children[first];
                     continue;
                 }
-                let fetch = |child: u32| {
-                    if child & LEAF == 0 {
-                        I::prefetch(&nodes.nodes[child as usize]);
-                    } else {
-                        leaves.prefetch::<I>(child & !LEAF);
-                    }
-                };
-                fetch(children[first]);
+                announce::<I, _, _>(nodes, leaves, children[first]);
                 if ANY {
                     while mask != 0 {
                         let last = (31 - mask.leading_zeros()) as usize & 7;
@@ -119,38 +111,34 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
                     continue;
                 }
                 let key = |child: usize| u64::from(opened.near.0[child].to_bits()) << 32 | u64::from(children[child]);
-                let mut next = || {
-                    let child = mask.trailing_zeros() as usize & 7;
-                    mask &= mask - 1;
-                    fetch(children[child]);
-                    (key(child), mask == 0)
-                };
-                let (second, last) = next();
-                let (a, b) = sorted(key(first), second);
-                if last {
+                let second = take(&mut mask);
+                announce::<I, _, _>(nodes, leaves, children[second]);
+                let (a, b) = sorted(key(first), key(second));
+                if mask == 0 {
                     // Two are the most common.
                     stack[waiting].set(b);
                     waiting += 1;
                     current = lower_half(a);
                     continue;
                 }
-                let (third, mut last) = next();
-                let (b, c) = sorted(b, third);
+                let third = take(&mut mask);
+                announce::<I, _, _>(nodes, leaves, children[third]);
+                let (b, c) = sorted(b, key(third));
                 let (a, b) = sorted(a, b);
                 let from = waiting;
                 stack[waiting].set(c);
                 stack[waiting + 1].set(b);
-                if last {
+                if mask == 0 {
                     waiting += 2;
                     current = lower_half(a);
                     continue;
                 }
                 stack[waiting + 2].set(a);
                 waiting += 3;
-                while !last {
-                    let more;
-                    (more, last) = next();
-                    insert(stack, from, waiting, more);
+                while mask != 0 {
+                    let more = take(&mut mask);
+                    announce::<I, _, _>(nodes, leaves, children[more]);
+                    insert(stack, from, waiting, key(more));
                     waiting += 1;
                 }
                 waiting -= 1;
@@ -171,6 +159,24 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
                 break;
             }
         }
+    }
+}
+
+/// Takes the first child out of `mask`, which has one.
+#[inline(always)]
+fn take(mask: &mut u32) -> usize {
+    let child = mask.trailing_zeros() as usize & 7;
+    *mask &= *mask - 1;
+    child
+}
+
+/// Says that `child` may be visited soon.
+#[inline(always)]
+fn announce<I: Isa, N: WideNode, V: Visit>(nodes: &Nodes<N>, leaves: &V, child: u32) {
+    if child & LEAF == 0 {
+        I::prefetch(nodes.nodes.as_ptr().wrapping_add(child as usize));
+    } else {
+        leaves.prefetch::<I>(child & !LEAF);
     }
 }
 
@@ -226,7 +232,7 @@ impl<B: Block, const ANY: bool> Visit for Triangles<'_, B, ANY> {
 
     #[inline(always)]
     fn prefetch<I: Isa>(&self, leaf: u32) {
-        I::prefetch(&self.blocks[leaf as usize]);
+        I::prefetch(self.blocks.as_ptr().wrapping_add(leaf as usize));
     }
 }
 
