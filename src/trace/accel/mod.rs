@@ -210,8 +210,9 @@ impl Accel {
 
     /// The nearest hit with 0 < t ≤ `ray.t_max`; at equal t that of the first instance and triangle.
     ///
-    /// `accept` decides about hits of surfaces with alpha (mask or blend); it must depend on the hit alone. What happens
-    /// at the back of a single-sided surface is the ray's choice ([`Ray::backs`]).
+    /// `accept` decides about hits of surfaces with alpha (mask or blend); it must depend on the hit alone and trace no ray
+    /// itself, whose walk would use the same room. What happens at the back of a single-sided surface is the ray's choice
+    /// ([`Ray::backs`]).
     #[must_use]
     pub fn closest(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> Option<Hit> {
         let (_, found) = self.run::<false>(ray, &|found| accept(&self.hit(found)));

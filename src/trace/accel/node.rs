@@ -11,8 +11,7 @@ use glam::Vec3A;
 #[repr(C, align(32))]
 pub(super) struct Planes(pub(super) [f32; WIDTH]);
 
-/// Planes of eight boxes: of each axis the lower and the upper. The second index is a side, masked to one bit, which
-/// needs no check.
+/// Planes of eight boxes: of each axis the lower and the upper. A ray finds its own by [`Offset`].
 pub(super) type Sides = [[Planes; 2]; 3];
 
 /// Where a plane of [`Sides`] stands there: an offset in bytes, of a whole [`Planes`] by construction.

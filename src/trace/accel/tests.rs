@@ -132,6 +132,8 @@ fn compare(scene: &Scene, stage: &Stage, rays: usize, dice: &mut Dice) -> usize 
     let accel = Accel::build(scene, stage, None);
     let mut portable = Accel::build(scene, stage, Some(&accel));
     portable.kernel = Kernel::Portable;
+    // And as a structure walks that is too deep for a thread's room.
+    portable.waiting = ROOM + 1;
     let mut hits = 0;
     for _ in 0..rays {
         let ray = random_ray(dice);
