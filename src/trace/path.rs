@@ -95,9 +95,9 @@ struct Path {
     radiance: Vec3,
     cone_width: f32,
     cone_spread: f32,
-    /// Where the ray was scattered by a rough lobe, with the density that its direction is weighed by: what it meets was
-    /// sampled for there too. `None` from the camera, a mirror, a refraction.
-    scattered: Option<(LightQuery, f32)>,
+    /// Where the ray was scattered by a rough lobe: what it meets was sampled for there too. `None` from the camera, a
+    /// mirror, a refraction.
+    scattered: Option<Scattered>,
     media: Media,
     /// Wavelength, nanometres, once the path has met a medium that disperses.
     wavelength_nm: Option<f32>,
@@ -111,6 +111,27 @@ struct Path {
     focused: bool,
     /// Whether the ray only looks for light that was sampled for already, and ends there.
     last: bool,
+}
+
+/// Where a rough lobe scattered a ray, and how what it meets is weighed against light sampled there.
+struct Scattered {
+    query: LightQuery,
+    /// Density of the ray's direction by solid angle.
+    pdf: f32,
+    /// How many light samples were drawn there.
+    lights: f32,
+}
+
+impl Scattered {
+    /// Weight of light that the ray meets and that one light sample would have found with density `light_pdf`.
+    fn weight(&self, light_pdf: f32) -> f32 {
+        power_heuristic(self.pdf, self.lights * light_pdf)
+    }
+}
+
+/// Light samples drawn at the `vertex`-th rough vertex.
+fn light_samples(vertex: u16) -> u8 {
+    if vertex == 0 { FIRST_LIGHTS } else { 1 }
 }
 
 impl<'a> PathTracer<'a> {
@@ -150,7 +171,7 @@ impl<'a> PathTracer<'a> {
             && let Some(mut choice) = lights.choice(&query)
         {
             let u = Vec2::new(point.get(Factor::light_u(path.vertex)), point.get(Factor::light_v(path.vertex)));
-            let count = if path.vertex == 0 { FIRST_LIGHTS } else { 1 };
+            let count = light_samples(path.vertex);
             let part = 1.0 / f32::from(count);
             for i in 0..count {
                 // Strata of the first coordinate, and turns of the second by the golden ratio, keep runs stratified.
@@ -178,10 +199,11 @@ impl<'a> PathTracer<'a> {
         if light.pdf_solid_angle <= 0.0 {
             return Vec3::ZERO;
         }
+        let light_pdf = f32::from(light_samples(path.vertex)) * light.pdf_solid_angle;
         let value = match finds {
-            Finds::Everything if !light.is_delta => e.value() * power_heuristic(light.pdf_solid_angle, e.pdf()),
+            Finds::Everything if !light.is_delta => e.value() * power_heuristic(light_pdf, e.pdf()),
             Finds::Narrow { times } if !light.is_delta => {
-                e.wide + e.narrow * power_heuristic(light.pdf_solid_angle, times * e.narrow_pdf)
+                e.wide + e.narrow * power_heuristic(light_pdf, times * e.narrow_pdf)
             }
             _ => e.value(),
         };
@@ -253,10 +275,8 @@ impl PathTracer<'_> {
         let (lights, ray) = (self.parts.lights, path.ray);
         let mut sum = Vec3::ZERO;
         match &path.scattered {
-            Some((query, pdf)) => {
-                lights.seen(query, ray.direction, t, |radiance, light_pdf| {
-                    sum += radiance * power_heuristic(*pdf, light_pdf);
-                });
+            Some(at) => {
+                lights.seen(&at.query, ray.direction, t, |radiance, light_pdf| sum += radiance * at.weight(light_pdf));
             }
             None if path.focused && self.caustics != Caustics::Exact => {
                 if t == f32::INFINITY {
@@ -326,11 +346,10 @@ impl PathTracer<'_> {
 
     /// Weight of an emissive surface that the path met, against having sampled it as a light.
     fn emitter_weight(&self, path: &Path, hit: &Hit) -> f32 {
-        let Some((query, pdf)) = &path.scattered else { return 1.0 };
+        let Some(at) = &path.scattered else { return 1.0 };
         let emitter = (hit.instance, hit.triangle);
         let barycentric = Vec2::new(hit.u, hit.v);
-        let light_pdf = self.parts.lights.emitter_pdf(query, path.ray.direction, hit.t, emitter, barycentric);
-        power_heuristic(*pdf, light_pdf)
+        at.weight(self.parts.lights.emitter_pdf(&at.query, path.ray.direction, hit.t, emitter, barycentric))
     }
 
     /// Samples light and the next direction at a vertex.
@@ -396,6 +415,7 @@ impl PathTracer<'_> {
             }
         }
         let number = path.vertex + path.specular;
+        let lights = f32::from(light_samples(path.vertex));
         path.vertex += u16::from(!shading.bsdf.is_specular_only());
         match sample.scatter {
             Scatter::Specular => {
@@ -424,8 +444,8 @@ impl PathTracer<'_> {
                 }
                 path.focused = false;
                 path.spread = path.spread.max(sample.alpha);
-                path.scattered =
-                    Some((LightQuery::new(surface, &shading.bsdf, path.ray.u_time), sample.pdf_solid_angle));
+                let query = LightQuery::new(surface, &shading.bsdf, path.ray.u_time);
+                path.scattered = Some(Scattered { query, pdf: sample.pdf_solid_angle, lights });
             }
         }
         // A lobe of GGX width α spreads a pixel's cone by about α: a texel's worth of blur, not a measured constant.
@@ -470,8 +490,8 @@ fn unit_from_upper_bits(bits: u64) -> f32 {
     numeric::unit_from_bits((bits >> 32) as u32)
 }
 
-/// The power heuristic with β = 2 for one sample of each technique (Veach and Guibas 1995, §4.2), guarded against
-/// densities whose square would overflow.
+/// The power heuristic with β = 2 (Veach and Guibas 1995, §4.2) of two techniques' densities, each times the number of
+/// samples that the technique draws; guarded against densities whose square would overflow.
 fn power_heuristic(own: f32, other: f32) -> f32 {
     if own <= 0.0 {
         return 0.0;
