@@ -211,6 +211,18 @@ impl Default for Material {
 }
 
 impl Material {
+    /// Whether it reads any texture.
+    #[must_use]
+    pub fn is_textured(&self) -> bool {
+        let mut textured = false;
+        // The one place that knows every reference; this only looks.
+        self.clone().retain_textures(&mut |_| {
+            textured = true;
+            true
+        });
+        textured
+    }
+
     /// Calls `f` on every texture that the material reads; those for which it says `false` are taken out.
     pub fn retain_textures(&mut self, f: &mut dyn FnMut(&mut TextureRef) -> bool) {
         let mut plain = |slot: &mut Option<TextureRef>| *slot = slot.take().and_then(|mut t| f(&mut t).then_some(t));
@@ -258,5 +270,27 @@ impl Material {
     pub fn tangent_uv_set(&self) -> Option<usize> {
         let normal = self.normal_texture.or(self.clearcoat.and_then(|c| c.normal_texture)).map(|(t, _)| t.uv_set);
         normal.or(self.anisotropy.map(|a| a.texture.map_or(0, |t| t.uv_set)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_texture_anywhere_makes_a_material_textured() {
+        let reference = TextureRef { texture: 0, uv_set: 0, transform: Affine2::IDENTITY };
+        let coat = |normal_texture| Clearcoat {
+            factor: 1.0,
+            texture: None,
+            roughness: 0.0,
+            roughness_texture: None,
+            normal_texture,
+        };
+        let plain = Material { clearcoat: Some(coat(None)), ..Material::default() };
+        assert!(!plain.is_textured());
+        let on_base = Material { base_color_texture: Some(reference), ..plain.clone() };
+        let on_coat = Material { clearcoat: Some(coat(Some((reference, 1.0)))), ..plain };
+        assert!(on_base.is_textured() && on_coat.is_textured());
     }
 }

@@ -36,7 +36,7 @@ pub struct SurfacePoint {
     /// Area of the triangle in world space at this instant, m²: for the density of light sampling.
     pub triangle_area: f32,
     /// How the texture coordinates of set 0 change along the surface: their gradients in world space, 1/m, which lie in
-    /// the triangle's plane; zero if there are none.
+    /// the triangle's plane; zero if there are none, or the material reads no texture.
     pub uv_gradients: [Vec3A; 2],
 }
 
@@ -57,9 +57,16 @@ pub(super) struct Vertex {
 }
 
 impl SurfacePoint {
-    /// The point at `hit` of a triangle of `mesh`.
+    /// The point at `hit` of a triangle of `mesh`, whose material reads textures or does not.
     #[allow(clippy::cast_possible_truncation, reason = "results are stored as f32")]
-    pub(super) fn new(mesh: &Mesh, id: MeshId, hit: &Hit, corners: &Corners, vertices: &[Vertex; 3]) -> Self {
+    pub(super) fn new(
+        mesh: &Mesh,
+        id: MeshId,
+        hit: &Hit,
+        corners: &Corners,
+        vertices: &[Vertex; 3],
+        textured: bool,
+    ) -> Self {
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let (position, error) = located(&corners.space, weights, corners.transform.as_ref());
         let linear = balanced(corners.matrix.matrix3);
@@ -80,7 +87,7 @@ impl SurfacePoint {
         for (uv, set) in uvs.iter_mut().zip(&mesh.uvs) {
             *uv = set[indices[0]] * weights[0] + set[indices[1]] * weights[1] + set[indices[2]] * weights[2];
         }
-        let uv_gradients = mesh.uvs.first().map_or([Vec3A::ZERO; 2], |set| {
+        let uv_gradients = mesh.uvs.first().filter(|_| textured).map_or([Vec3A::ZERO; 2], |set| {
             let [a, b, c] = indices.map(|i| set[i].as_dvec2());
             gradients(edges, [b - a, c - a], geometric_normal.as_dvec3(), across)
         });
@@ -182,6 +189,10 @@ fn cofactors(m: &Mat3A) -> Mat3A {
 
 /// `v` at length one; up where it has no direction (a triangle without area, which no ray hits).
 fn unit64(v: DVec3) -> Vec3A {
+    let length2 = v.length_squared();
+    if (1e-200..1e200).contains(&length2) {
+        return (v / length2.sqrt()).as_vec3a();
+    }
     // Scaled first: squares of 1e-200 vanish.
     let size = v.abs().max_element();
     if size > 0.0 && size.is_finite() { (v / size).normalize().as_vec3a() } else { Vec3A::Y }
@@ -189,6 +200,10 @@ fn unit64(v: DVec3) -> Vec3A {
 
 /// `v` at length one, if it has a direction.
 fn unit(v: Vec3A) -> Option<Vec3A> {
+    let length2 = v.length_squared();
+    if (1e-25..1e25).contains(&length2) {
+        return Some(v / length2.sqrt());
+    }
     let size = v.abs().max_element();
     (size > 0.0 && size.is_finite()).then(|| (v / size).normalize())
 }

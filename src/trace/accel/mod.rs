@@ -34,7 +34,7 @@ mod world;
 pub use linear::Aabb;
 pub(in crate::trace) use linear::absolute;
 
-use crate::scene::{Geometry, Instance, MeshId, Motion, NodeId, Scene, Stage};
+use crate::scene::{Geometry, Instance, Material, MeshId, Motion, NodeId, Scene, Stage};
 use crate::trace::{Backs, Hit, Ray};
 use body::{Body, Form, Vertices};
 use glam::Affine3A;
@@ -98,6 +98,8 @@ pub struct Accel {
     world_instances: Vec<u32>,
     /// Of each of the stage's instances.
     routes: Vec<Route>,
+    /// By the scene's materials: whether they read textures.
+    textured: Vec<bool>,
     bodies: Bodies,
     /// Most entries that a walk leaves waiting.
     waiting: usize,
@@ -180,7 +182,8 @@ impl Accel {
         }
         let structures = Structures::new(world, places.into_iter().map(|(place, _)| place).collect());
         let kernel = Kernel::detect();
-        let mut accel = Self { structures, world_instances, routes, bodies, waiting: 0, stats, kernel };
+        let textured = scene.materials.iter().map(Material::is_textured).collect();
+        let mut accel = Self { structures, world_instances, routes, textured, bodies, waiting: 0, stats, kernel };
         accel.summarize();
         accel.stats.seconds = started.elapsed().as_secs_f64();
         accel

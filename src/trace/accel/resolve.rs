@@ -44,7 +44,7 @@ impl Accel {
         let matrix = instance.motion.at(ray.u_time);
         let corners = Corners { space: placed.corners, transform: placed.transform, matrix };
         let vertices = mesh.triangles[hit.triangle as usize].map(|i| vertex(mesh, geometry, i as usize, ray.u_time));
-        SurfacePoint::new(mesh, geometry.mesh, hit, &corners, &vertices)
+        SurfacePoint::new(mesh, geometry.mesh, hit, &corners, &vertices, self.textured[mesh.material])
     }
 
     fn placed(&self, scene: &Scene, stage: &Stage, instance: u32, triangle: u32, u_time: f32) -> Placed {

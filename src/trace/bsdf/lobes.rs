@@ -2,7 +2,7 @@
 
 mod weights;
 
-use super::albedo::{COAT_IOR, GgxAlbedo, Glass};
+use super::albedo::{COAT_IOR, GgxAlbedo, Glass, Grain};
 use super::fresnel::{dielectric, f0_of, schlick_weight};
 use super::ggx::{Ggx, reflect, refract};
 use super::sheen::Sheen;
@@ -182,7 +182,8 @@ pub struct Bsdf {
     basis: Basis,
     /// The viewer's direction in the shading basis.
     o: Vec3A,
-    roughness: f32,
+    /// The facets' roughness, one for both widths; 0 for mirrors.
+    grain: Grain,
     /// Greatest channel of the dielectric's reflectance at normal and grazing incidence: what lies below is lit by
     /// what it lets through.
     over: (f32, f32),
@@ -343,7 +344,7 @@ impl Bsdf {
     }
 
     fn diffuse_value(&self, color: Vec3, cos: f32) -> (Vec3, f32) {
-        let lit = 1.0 - GgxAlbedo::at(cos, self.roughness).compensated(self.over.0, self.over.1);
+        let lit = 1.0 - GgxAlbedo::at(cos, self.grain).compensated(self.over.0, self.over.1);
         let pdf = warp::cosine_hemisphere_pdf(cos);
         (color * (lit.max(0.0) * pdf), pdf)
     }

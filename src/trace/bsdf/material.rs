@@ -34,8 +34,10 @@ pub struct Materials {
     /// The same for boundaries between two media of the scene, by the bits of the inner and the outer index.
     nested: HashMap<(u32, u32), OnceLock<[Glass; 2]>>,
     media: Vec<Option<Medium>>,
-    /// By material: whether reading it draws texels at random.
-    draws: Vec<bool>,
+    /// By material: whether it reads textures.
+    textured: Vec<bool>,
+    /// Whether reading them draws texels at random.
+    draws: bool,
 }
 
 impl Materials {
@@ -62,21 +64,9 @@ impl Materials {
             .zip(&media)
             .map(|(m, medium)| medium.as_ref().filter(|_| rough(m)).map(&mut tables))
             .collect();
-        let draws = scene
-            .materials
-            .iter()
-            .map(|m| {
-                let mut textured = false;
-                // `retain_textures` visits every reference; this only looks.
-                m.clone().retain_textures(&mut |_| {
-                    textured = true;
-                    true
-                });
-                textured && filter.draws()
-            })
-            .collect();
+        let textured = scene.materials.iter().map(Material::is_textured).collect();
         let nested = nested(scene, &media);
-        Self { textures: Textures::new(scene, filter), glass, nested, media, draws }
+        Self { textures: Textures::new(scene, filter), glass, nested, media, textured, draws: filter.draws() }
     }
 
     /// The albedos of the boundary of `material`, from outside (0) or inside (1); `None` where it is perfectly smooth,
@@ -104,7 +94,13 @@ impl Materials {
     /// Whether evaluating `material` needs a number for its textures: a filter that draws, with any texture.
     #[must_use]
     pub fn draws_texels(&self, material: MaterialId) -> bool {
-        self.draws[material]
+        self.draws && self.is_textured(material)
+    }
+
+    /// Whether `material` reads any texture.
+    #[must_use]
+    pub fn is_textured(&self, material: MaterialId) -> bool {
+        self.textured[material]
     }
 
     /// The medium behind `material`'s surface, if it has a volume.

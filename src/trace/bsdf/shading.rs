@@ -103,7 +103,11 @@ impl Shading {
         let material = &scene.materials[point.material];
         let front = wo.dot(point.geometric_normal) >= 0.0;
         let side = if front { 1.0 } else { -1.0 };
-        let footprint = footprint_of(point, wo, query);
+        let footprint = if materials.is_textured(point.material) {
+            footprint_of(point, wo, query)
+        } else {
+            Footprint::point(query.u_texture)
+        };
         let reader = Reader { scene, materials, uvs: &point.uvs, footprint, least_alpha: query.least_alpha };
         let base = material.base_color * point.color * reader.get(&material.base_color_texture, ColorSpace::Srgb);
         let base_color = base.truncate().max(Vec3::ZERO);

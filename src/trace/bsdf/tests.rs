@@ -286,7 +286,7 @@ fn what_should_be_reciprocal_is() {
         };
         let roughness = 0.7_f32;
         let p = Parameters { alpha: Vec2::splat(roughness * roughness), ..parameters(0.5) };
-        let mirror = |cos: f32| super::albedo::GgxAlbedo::at(cos, roughness).mirror;
+        let mirror = |cos: f32| super::albedo::GgxAlbedo::at(cos, super::albedo::Grain::new(roughness)).mirror;
         let lambert = Parameters { f0: Vec3::ZERO, f90: 0.0, ..p };
         let sheen = Parameters { base: Vec3::ZERO, sheen: Some((Vec3::splat(0.3), 0.6)), ..lambert };
         type Case<'a> = (&'a str, Parameters<'static>, &'a dyn Fn(f32) -> f32);

@@ -119,7 +119,7 @@ fn mix(a: f32, b: f32, t: f32) -> f32 {
 /// Where cosine `cos` lies for facets whose width the view meets as `met`: shadowing of what comes sets in below that
 /// width, of what leaves, which the other width spreads, at any cosine; so the mean of both axes.
 fn cosine_place(cos: f32, met: f32) -> f32 {
-    0.5 * (Axis::Shadowing.place(cos, met.sqrt()) + Axis::Root.place(cos, 0.0))
+    0.5 * (Axis::Shadowing.place(cos, Axis::k(met.sqrt())) + Axis::Root.place(cos, 0.0))
 }
 
 /// Where the azimuth of `direction`, in the first quadrant, lies: facets see it turned by (α_y / α_x)½ and more, while the

@@ -1,7 +1,7 @@
 //! What each lobe weighs for one view, and how often it is drawn.
 
 use super::super::ALPHA_SPECULAR;
-use super::super::albedo::{self, GgxAlbedo};
+use super::super::albedo::{self, GgxAlbedo, Grain};
 use super::super::fresnel::dielectric;
 use super::super::ggx::{Ggx, refract};
 use super::super::sheen::{self, Sheen};
@@ -24,7 +24,8 @@ impl Bsdf {
         let (ggx, smooth) = widths(p.alpha);
         // Tables are isotropic: the geometric mean of the widths stands for both.
         let roughness = if smooth { 0.0 } else { (ggx.alpha.x * ggx.alpha.y).sqrt().sqrt() };
-        let e = GgxAlbedo::seen(ggx.alpha, roughness, o);
+        let grain = Grain::new(roughness);
+        let e = GgxAlbedo::seen(ggx.alpha, grain, o);
         let over = (p.f0.max_element(), p.f90.max(p.f0.max_element()));
 
         let (coat, coat_albedo) = Self::coat_of(p);
@@ -49,7 +50,7 @@ impl Bsdf {
             k1: metal * metal_scale * (Vec3::ONE - p.metal_f0) + film * dielectric_scale * (Vec3::splat(p.f90) - p.f0),
         };
 
-        let below = 1.0 - albedo::mean_compensated(roughness, over.0, over.1);
+        let below = 1.0 - albedo::mean_compensated(grain, over.0, over.1);
         let lit = (1.0 - e.compensated(over.0, over.1)).max(0.0);
         // A dielectric that reflects all but rounding has nothing below it.
         let diffuse_scale = if below > crate::numeric::gamma(1024) { solid * lit / below } else { 0.0 };
@@ -63,7 +64,7 @@ impl Bsdf {
             ng: p.ng,
             basis: p.basis,
             o,
-            roughness,
+            grain,
             over,
             diffuse,
             through,
