@@ -57,7 +57,8 @@ impl Bsdf {
         let diffuse = p.base * (diffuse_scale * (1.0 - p.diffuse_transmission));
         let through = p.diffuse_transmission_color * (diffuse_scale * p.diffuse_transmission);
 
-        let thin = if p.boundary.is_none() { Self::thin_of(p, e, clear) } else { (Vec3::ZERO, Vec3::ZERO) };
+        let is_thin = p.boundary.is_none() && clear > 0.0;
+        let thin = if is_thin { Self::thin_of(p, e, clear) } else { (Vec3::ZERO, Vec3::ZERO) };
         let glass = p.boundary.map(|b| Self::glass_of(p, b, o, (ggx, roughness, smooth), clear));
 
         let mut bsdf = Self {
