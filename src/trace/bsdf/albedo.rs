@@ -149,7 +149,7 @@ const LEAST_COSINE: f32 = 1e-5;
 #[inline]
 fn cell(x: f32, count: usize) -> (usize, f32) {
     let x = x * (count - 1) as f32;
-    // By way of 32 bits: a fifth of the instructions that conversion to 64 takes.
+    // By way of 32 bits: a conversion to 64 that saturates is longer.
     let below = (x as u32).min(count as u32 - 2);
     (below as usize, x - below as f32)
 }
