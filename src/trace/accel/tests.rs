@@ -3,9 +3,9 @@
 
 use super::*;
 use crate::scene::stage::VertexKey;
-use crate::scene::{Material, Mesh, Projection, StageCamera};
+use crate::scene::{Material, Mesh, Projection, StageCamera, TextureRef};
 use crate::time::Exposure;
-use glam::{DVec3, Quat, Vec3, Vec3A};
+use glam::{Affine2, DVec3, Quat, Vec2, Vec3, Vec3A};
 use proptest::prelude::*;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
@@ -238,4 +238,31 @@ proptest! {
         let stage = stage(vec![geometry], vec![Instance { geometry: 0, motion, node: 0, permanent: true }]);
         compare(&scene, &stage, 100, &mut dice);
     }
+}
+
+/// Two triangles alike in all but their material: texture coordinates have gradients where a texture is read, along the
+/// edges that they run along, and none where nothing would read them.
+#[test]
+fn texture_gradients_are_found_where_textures_are_read() {
+    let triangle = |material: usize| Mesh {
+        positions: vec![Vec3::ZERO, Vec3::X * 2.0, Vec3::Y * 4.0],
+        triangles: vec![[0, 1, 2]],
+        uvs: vec![vec![Vec2::ZERO, Vec2::X, Vec2::Y]],
+        material,
+        ..Mesh::default()
+    };
+    let reference = TextureRef { texture: 0, uv_set: 0, transform: Affine2::IDENTITY };
+    let mut scene = scene(vec![triangle(0), triangle(1)], true);
+    scene.materials.push(Material { base_color_texture: Some(reference), ..scene.materials[0].clone() });
+    let gradients = |mesh: usize| {
+        let geometry = Geometry { mesh, keys: Vec::new(), times: Vec::new() };
+        let motion = Motion::still(Affine3A::IDENTITY);
+        let stage = stage(vec![geometry], vec![Instance { geometry: 0, motion, node: 0, permanent: true }]);
+        let accel = Accel::build(&scene, &stage, None);
+        let (origin, direction) = (Vec3A::new(0.3, 0.4, 1.0), Vec3A::NEG_Z);
+        let ray = Ray { origin, direction, t_max: f32::INFINITY, u_time: 0.0, backs: Backs::Pass };
+        accel.closest(&ray, |_| true).map(|hit| accel.surface(&scene, &stage, &ray, &hit).uv_gradients)
+    };
+    assert_eq!(gradients(0), Some([Vec3A::ZERO; 2]));
+    assert_eq!(gradients(1), Some([Vec3A::X * 0.5, Vec3A::Y * 0.25]));
 }
