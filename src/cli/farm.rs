@@ -1,10 +1,11 @@
 //! `graeco farm`: jobs for render managers.
 
 use super::Cli;
+use super::adaptive_args::AdaptiveArgs;
 use super::shot_args::{OUTPUT, ShotArgs, TIME, not_negative, number, positive};
 use clap::{Args, CommandFactory, Subcommand, ValueHint};
 use graeco::farm::{Cost, Division, Job, Needs, Slicing, Wish, openjd, slurm};
-use graeco::output::{Destination, Pattern, ViewTransform, file};
+use graeco::output::{Destination, Pattern, View, ViewTransform, file};
 use graeco::render::{Forecast, FrameList, Shot};
 use graeco::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -42,11 +43,21 @@ pub(crate) struct FinishArgs {
     pub(crate) fields: String,
 }
 
+impl FinishArgs {
+    /// How a PNG shows scene light.
+    fn shown(&self) -> View {
+        View { transform: self.view, exposure_ev: self.exposure }
+    }
+}
+
 /// What every manager's job needs.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct FarmArgs {
     #[command(flatten)]
     pub(crate) shot: ShotArgs,
+
+    #[command(flatten)]
+    pub(crate) adaptive: AdaptiveArgs,
 
     #[command(flatten)]
     pub(crate) finish: FinishArgs,
@@ -190,12 +201,19 @@ impl FarmArgs {
     /// The job, and sentences about it.
     fn job(&self) -> Result<(Job, String)> {
         let pictures = self.pattern()?;
+        let stops_by_itself = self.adaptive.adaptive(View::default()).is_some();
+        if let Some(parts) = self.parts.filter(|&parts| parts > 1 && stops_by_itself) {
+            return Err(Error::invalid(
+                format!("--parts {parts}"),
+                "a frame that is sampled until it is accurate, or for a time, stays whole; expected --runs, or 1 part",
+            ));
+        }
         let probe = self.probe()?;
         pictures.validate_for(probe.frames.len())?;
         let wish = Wish {
             task_s: self.task_minutes * 60.0,
             slicing: self.split,
-            parts: self.parts,
+            parts: if stops_by_itself { Some(1) } else { self.parts },
             frames_per_task: self.frames_per_task.map(|n| n as usize),
             most_parts: match self.split {
                 Slicing::Tiles => MOST_TILES,
@@ -254,7 +272,8 @@ impl FarmArgs {
         /// More do not sharpen the mean of what changes smoothly.
         const LOOKED_AT: usize = 5;
         self.shot.set_threads()?;
-        let settings = self.shot.settings();
+        let mut settings = self.shot.settings();
+        settings.adaptive = self.adaptive.adaptive(self.finish.shown());
         let started = Instant::now();
         let scene = self.shot.load()?;
         let environment = self.shot.environment()?;
@@ -325,7 +344,8 @@ fn settings_given() -> Vec<String> {
         given = deeper;
     }
     let mut words = Vec::new();
-    for argument in FinishArgs::augment_args(ShotArgs::augment_args(clap::Command::new("shot"))).get_arguments() {
+    let described = AdaptiveArgs::augment_args(ShotArgs::augment_args(clap::Command::new("shot")));
+    for argument in FinishArgs::augment_args(described).get_arguments() {
         let id = argument.get_id().as_str();
         // Paths and threads have places of their own in a job.
         let Some(long) = argument.get_long().filter(|_| !matches!(id, "environment" | "threads")) else { continue };

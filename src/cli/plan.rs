@@ -1,11 +1,13 @@
 //! `graeco plan`.
 
+use super::adaptive_args::AdaptiveArgs;
 use super::shot_args::{ShotArgs, not_negative};
 use clap::Args;
 use graeco::Result;
 use graeco::design::{Design, Factor, PixelAddress};
 use graeco::effects::EffectsPlan;
-use graeco::render::{BlurExtent, Forecast, FrameList, Shot};
+use graeco::output::View;
+use graeco::render::{Adaptive, BlurExtent, Forecast, FrameList, Shot};
 use graeco::study::savings::{Saving, savings};
 use serde_json::{Value, json};
 
@@ -14,6 +16,9 @@ use serde_json::{Value, json};
 pub(crate) struct PlanArgs {
     #[command(flatten)]
     pub(crate) shot: ShotArgs,
+
+    #[command(flatten)]
+    pub(crate) adaptive: AdaptiveArgs,
 
     /// Frame to plan for
     #[arg(long, value_name = "N", default_value_t = 0, allow_hyphen_values = true)]
@@ -49,7 +54,8 @@ struct Times {
 
 /// Plans; gives the text to print.
 pub(crate) fn run(args: &PlanArgs) -> Result<String> {
-    let settings = args.shot.settings();
+    let mut settings = args.shot.settings();
+    settings.adaptive = args.adaptive.adaptive(View::default());
     args.shot.set_threads()?;
     let scene = args.shot.load()?;
     let environment = args.shot.environment()?;
@@ -75,9 +81,9 @@ pub(crate) fn run(args: &PlanArgs) -> Result<String> {
         .map(|((effects, design), extent)| Exposure { effects, design, extent })
         .collect();
     Ok(if args.json {
-        as_json(args.frame, &exposures, times.as_ref()).to_string()
+        as_json(args.frame, &exposures, settings.adaptive, times.as_ref()).to_string()
     } else {
-        as_text(args.frame, &exposures, times.as_ref())
+        as_text(args.frame, &exposures, settings.adaptive, times.as_ref())
     })
 }
 
@@ -116,7 +122,7 @@ fn strata(design: &Design, factor: Factor) -> usize {
     seen.iter().filter(|s| **s).count()
 }
 
-fn as_json(frame: i64, exposures: &[Exposure], times: Option<&Times>) -> Value {
+fn as_json(frame: i64, exposures: &[Exposure], adaptive: Option<Adaptive>, times: Option<&Times>) -> Value {
     let list: Vec<Value> = exposures
         .iter()
         .map(|e| {
@@ -147,10 +153,10 @@ fn as_json(frame: i64, exposures: &[Exposure], times: Option<&Times>) -> Value {
             "effects": t.savings,
         })
     });
-    json!({ "frame": frame, "exposures": list, "estimate": estimate })
+    json!({ "frame": frame, "exposures": list, "adaptive": adaptive, "estimate": estimate })
 }
 
-fn as_text(frame: i64, exposures: &[Exposure], times: Option<&Times>) -> String {
+fn as_text(frame: i64, exposures: &[Exposure], adaptive: Option<Adaptive>, times: Option<&Times>) -> String {
     let mut lines = Vec::new();
     for (index, e) in exposures.iter().enumerate() {
         lines.push(if exposures.len() > 1 {
@@ -167,7 +173,7 @@ fn as_text(frame: i64, exposures: &[Exposure], times: Option<&Times>) -> String 
         lines.push(e.effects.lens_line() + &blur);
         lines.push(e.effects.light_line());
         lines.push(e.effects.gloss_line());
-        lines.push(format!("design:  {}, {} runs a pixel; {}", e.design.kind(), e.design.runs(), e.design.reason()));
+        lines.push(design_line(&e.design, adaptive.is_some()));
         lines.push(format!("dither:  {}", e.design.dither()));
         lines.push(format!("factors: {}; every run draws all of them", e.design.factors().len()));
         lines.extend(strata_lines(&e.design));
@@ -176,6 +182,15 @@ fn as_text(frame: i64, exposures: &[Exposure], times: Option<&Times>) -> String 
         lines.extend(times_text(t));
     }
     lines.join("\n")
+}
+
+fn design_line(design: &Design, stops_by_itself: bool) -> String {
+    let (kind, runs) = (design.kind(), design.runs());
+    if stops_by_itself {
+        format!("design:  {kind}, at most {runs} runs a pixel: as many as it needs, a power of two")
+    } else {
+        format!("design:  {kind}, {runs} runs a pixel; {}", design.reason())
+    }
 }
 
 /// Factors that fall in as many strata, together.

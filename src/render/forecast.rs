@@ -65,7 +65,7 @@ impl Forecast {
 /// Side of a block: small, so that many places are seen; not so small that nothing is in the cache.
 const BLOCK: u32 = 8;
 /// Blocks at least, whatever the budget.
-const LEAST_BLOCKS: usize = 8;
+pub(super) const LEAST_BLOCKS: usize = 8;
 
 /// Renders blocks for at least `budget_s` seconds (nothing at 0); `trial` is the frame's design, or one of fewer runs that stands for
 /// the frame's `runs`.
@@ -130,11 +130,24 @@ fn scaled(seconds: f64, costs: &[f64], tried: u64, samples: u64, pixels: u64) ->
     Forecast { build_s: 0.0, render_s, standard_error_s: relative * render_s, samples_tried: tried, samples }
 }
 
-/// The blocks of a window in an order whose every beginning is spread over it: along a Z-order curve by steps of the
-/// golden section (an additive recurrence, so gaps stay even).
+/// The blocks of a window in an order whose every beginning is spread over it.
 pub(super) fn spread_blocks(window: Window) -> Vec<Window> {
     let side = |length: u32| length.div_ceil(BLOCK);
-    let (columns, rows) = (side(window.width), side(window.height));
+    let block = |(column, row): (u32, u32)| {
+        let (left, top) = (column * BLOCK, row * BLOCK);
+        Window {
+            x: window.x + left,
+            y: window.y + top,
+            width: BLOCK.min(window.width - left),
+            height: BLOCK.min(window.height - top),
+        }
+    };
+    spread_cells(side(window.width), side(window.height)).into_iter().map(block).collect()
+}
+
+/// Column and row of all cells of a grid in an order whose every beginning is spread over it: along a Z-order curve by
+/// steps of the golden section (an additive recurrence, so gaps stay even).
+pub(super) fn spread_cells(columns: u32, rows: u32) -> Vec<(u32, u32)> {
     let mut cells: Vec<(u64, u32, u32)> =
         (0..rows).flat_map(|y| (0..columns).map(move |x| (interleave(x) | interleave(y) << 1, x, y))).collect();
     cells.sort_unstable();
@@ -149,18 +162,7 @@ pub(super) fn spread_blocks(window: Window) -> Vec<Window> {
     while gcd(step, n) != 1 {
         step += 1;
     }
-    (0..n)
-        .map(|i| {
-            let (_, x, y) = cells[i * step % n];
-            let (left, top) = (x * BLOCK, y * BLOCK);
-            Window {
-                x: window.x + left,
-                y: window.y + top,
-                width: BLOCK.min(window.width - left),
-                height: BLOCK.min(window.height - top),
-            }
-        })
-        .collect()
+    (0..n).map(|i| cells[i * step % n]).map(|(_, column, row)| (column, row)).collect()
 }
 
 fn gcd(a: usize, b: usize) -> usize {

@@ -182,7 +182,9 @@ impl<'a> Shot<'a> {
             .iter()
             .map(|pass| {
                 let (_, plan) = self.prepare(pass);
-                let design = Design::new(&self.settings.sampling, &plan.factors());
+                let sampling = &self.settings.sampling;
+                let drawn = self.settings.adaptive.map_or(*sampling, |adaptive| adaptive.drawn(sampling));
+                let design = Design::new(&drawn, &plan.factors());
                 (plan, design)
             })
             .collect())
@@ -220,7 +222,15 @@ impl<'a> Shot<'a> {
             let job = Pass { footprint: pass.footprint, filter: &self.filter, lines: pass.lines, number: pass.number };
             #[allow(clippy::cast_precision_loss, reason = "one or two exposures")]
             let budget_s = budget_s / passes.len() as f64;
-            let sampled = forecast(&tracer, &design, runs, &job, self.window(), budget_s);
+            let sampled = match &self.settings.adaptive {
+                None => forecast(&tracer, &design, runs, &job, self.window(), budget_s),
+                Some(adaptive) => {
+                    let drawn = (&self.settings.sampling, design.factors());
+                    let shown = (self.window(), self.settings.size);
+                    let asked = adaptive.of_exposure(passes.len(), build_s);
+                    adaptive::outlook::forecast(&tracer, drawn, &asked, &job, shown, budget_s)
+                }
+            };
             total = total.then(Forecast { build_s, ..sampled });
             self.accel = Some(accel);
         }

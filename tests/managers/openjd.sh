@@ -33,3 +33,15 @@ same_frames out
 grep -q "0003.2.part: [0-9]* of [0-9]* blocks were done before" run-TERM.log || fail "the killed task began anew"
 grep -q "0007.1.part: [0-9]* of [0-9]* blocks were done before" run.log || fail "the stopped task began anew"
 grep -q "0005.1.part: finished before, kept" run.log || fail "a finished task was rendered again"
+
+# Frames that stop when they are accurate enough stay whole, and each equals that of one machine.
+accurate=(--frames=1-3:2 --size=64x36 --error=10% --most-runs=256)
+"$GRAECO" render "$scene" "${accurate[@]}" --output="$work/accurate/newton.####.exr" --quiet
+"$GRAECO" farm openjd "$scene" "${accurate[@]}" --frames-per-task=1 --measure=0.1 --memory=256 \
+    --pictures="$work/stopped/newton.####.exr" --output=stopped.yaml
+"$openjd" run stopped.yaml --step Check --run-dependencies -p Graeco="$GRAECO" -p Scene="$scene" >stopped.log 2>&1 ||
+    { tail -n 40 stopped.log >&2; fail "frames that stop by themselves were not rendered"; }
+for frame in 0001 0003; do
+    cmp "accurate/newton.$frame.exr" "stopped/newton.$frame.exr" || fail "frame $frame, stopped by itself, differs"
+done
+echo "2 frames that stop by themselves equal one machine's, byte for byte"

@@ -7,6 +7,7 @@ use crate::film::blocks::Blocks;
 use crate::film::{Film, Lines, PixelAccumulator, PixelEstimate, Replicates, STUDENT_T, Window};
 use crate::render::Progress;
 use crate::trace::ImageFunction;
+use std::time::Instant;
 
 /// The blocks of a picture that share a pixel with `window`: whole ones, which decide alike whatever the window is.
 pub(super) fn grid(window: Window, picture: Window) -> Vec<Window> {
@@ -145,6 +146,8 @@ pub(super) struct Block {
     calibration: f64,
     /// Squared relative error of a single run, on average over each pixel's neighbours.
     around: Vec<f64>,
+    /// Seconds that a thread has sampled it.
+    seconds: f64,
 }
 
 impl Block {
@@ -153,7 +156,7 @@ impl Block {
         let rows: Vec<u32> = (window.y..window.y + window.height).filter(|&y| lines.holds(y)).collect();
         let pixels = vec![Pixel::default(); rows.len() * window.width as usize];
         let around = vec![0.0; pixels.len()];
-        Self { window, rows, pixels, calibration: 1.0, around }
+        Self { window, rows, pixels, calibration: 1.0, around, seconds: 0.0 }
     }
 
     /// The same, but one pixel of every four has two independent sequences of half as many runs.
@@ -207,6 +210,7 @@ impl Block {
         rule: &Rule,
         progress: &Progress,
     ) -> Option<u64> {
+        let started = Instant::now();
         let mut scratch = PixelAccumulator::new(0);
         let mut samples = 0;
         loop {
@@ -215,6 +219,7 @@ impl Block {
             }
             let wanted = self.wanted(sampler.most(), rule);
             if wanted.is_empty() {
+                self.seconds += started.elapsed().as_secs_f64();
                 return Some(samples);
             }
             for index in wanted {
@@ -307,6 +312,16 @@ impl Block {
             }
         }
         sum / count
+    }
+
+    /// Seconds that a thread has sampled it.
+    pub(super) fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    /// Runs of all its pixels.
+    pub(super) fn samples(&self) -> u64 {
+        self.pixels.iter().map(|pixel| u64::from(pixel.all_runs())).sum()
     }
 
     /// Pixels, whether the picture's window shows them or not.

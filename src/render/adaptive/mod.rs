@@ -19,6 +19,7 @@
 //! same bit for bit however it is divided along that grid, and a crop is what the whole picture shows there.
 
 mod block;
+pub(super) mod outlook;
 mod sampler;
 #[cfg(test)]
 mod tests;
@@ -28,14 +29,14 @@ pub use visibility::Visibility;
 
 use super::Progress;
 use super::integrate::Pass;
-use crate::design::{Dither, Factor, Kind, Mask};
+use crate::design::{DesignOptions, Dither, Factor, Kind, Mask};
 use crate::film::{Film, REPLICATES, Window};
 use crate::output::View;
 use crate::trace::ImageFunction;
 use crate::{Error, Result};
 use block::{Block, Rule};
 use rayon::prelude::*;
-use sampler::Sampler;
+use sampler::{QUARTERS, Sampler};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -71,6 +72,25 @@ pub struct Adaptive {
 pub const LEAST_RUNS: u32 = 16;
 
 impl Adaptive {
+    /// The design of a pixel's whole sequence, which it may draw a part of: `options`, but for what they leave open.
+    #[must_use]
+    pub fn drawn(&self, options: &DesignOptions) -> DesignOptions {
+        let kind = if options.kind == Kind::Auto { Kind::Growing } else { options.kind };
+        let most = 1 << (self.most_runs / QUARTERS).max(1).ilog2();
+        DesignOptions { kind, dither: Dither::NONE, runs: QUARTERS * most, ..*options }
+    }
+
+    /// What one of `exposures` exposures is asked for, of whose time `build_s` seconds are gone.
+    #[allow(clippy::cast_precision_loss, reason = "one or two exposures")]
+    pub(super) fn of_exposure(&self, exposures: usize, build_s: f64) -> Self {
+        match self.goal {
+            Goal::Within(seconds) => {
+                Self { goal: Goal::Within((seconds / exposures as f64 - build_s).max(0.0)), ..*self }
+            }
+            _ => *self,
+        }
+    }
+
     /// Checks it together with the design that was asked for.
     ///
     /// # Errors
@@ -124,7 +144,7 @@ pub fn relative_error(film: &Film) -> f64 {
 /// made over the picture, none where every pixel stops for itself; `None` if `progress` was cancelled.
 pub(super) fn integrate(
     function: &impl ImageFunction,
-    (options, factors): (&crate::design::DesignOptions, &[Factor]),
+    (options, factors): (&DesignOptions, &[Factor]),
     adaptive: &Adaptive,
     pass: &Pass<'_>,
     film: &mut Film,
@@ -151,7 +171,11 @@ pub(super) fn integrate(
         }
         Goal::Within(_) | Goal::Until(_) | Goal::Passes(_) | Goal::Mean(_) => {
             let blocks = grid.iter().map(|&window| Block::new(window, pass.lines)).collect();
-            Passes { blocks, sampler, goal: adaptive.goal, deadline, progress }.run(film)
+            let mut passes = Passes { blocks, sampler: &sampler, goal: adaptive.goal, deadline, progress };
+            let made = passes.run(film.window())?;
+            progress.advance(passes.blocks.iter().map(|b| b.pixels_in(film.window())).sum(), 0);
+            passes.blocks.iter().for_each(|block| block.store(film));
+            Some(made)
         }
     }
 }
@@ -159,7 +183,7 @@ pub(super) fn integrate(
 /// Passes over the whole picture, each asking for a little more than the one before.
 struct Passes<'a, F: ImageFunction> {
     blocks: Vec<Block>,
-    sampler: Sampler<'a, F>,
+    sampler: &'a Sampler<'a, F>,
     goal: Goal,
     deadline: Option<Instant>,
     progress: &'a Progress,
@@ -189,7 +213,8 @@ impl<F: ImageFunction> Passes<'_, F> {
     /// Later passes ask for a relative error of 2⁻⁴⁸ a run: nothing can.
     const LAST: u32 = 256;
 
-    fn run(mut self, film: &mut Film) -> Option<u32> {
+    /// Passes until the goal is reached for what `shown` shows of the blocks: how many, or `None` if cancelled.
+    fn run(&mut self, shown: Window) -> Option<u32> {
         let (started, mut samples) = (Instant::now(), 0_u64);
         let mut passes = self.first();
         while passes < Self::LAST {
@@ -198,29 +223,26 @@ impl<F: ImageFunction> Passes<'_, F> {
                 break;
             }
             let done: Option<Vec<u64>> =
-                self.blocks.par_iter_mut().map(|b| b.settle_and_count(&self.sampler, &rule, self.progress)).collect();
+                self.blocks.par_iter_mut().map(|b| b.settle_and_count(self.sampler, &rule, self.progress)).collect();
             let taken: u64 = done?.iter().sum();
             samples += taken;
             passes += 1;
             let enough = match self.goal {
                 Goal::Passes(asked) => passes >= asked,
-                Goal::Until(error) => passes > 2 && self.relative_error(film.window()) <= error,
+                Goal::Until(error) => passes > 2 && self.relative_error(shown) <= error,
                 Goal::Within(_) | Goal::Mean(_) | Goal::Error(_) => false,
             };
-            if enough || passes > 2 && self.blocks.iter().all(|b| b.is_exhausted(&self.sampler)) {
+            if enough || passes > 2 && self.blocks.iter().all(|b| b.is_exhausted(self.sampler)) {
                 break;
             }
         }
-        let window = film.window();
-        self.progress.advance(self.blocks.iter().map(|b| b.pixels_in(window)).sum(), 0);
-        self.blocks.iter().for_each(|block| block.store(film));
         Some(passes)
     }
 
     /// Whether `rule` asks for more than is left of the time or the runs, `samples` having been taken since `started`.
     #[allow(clippy::cast_precision_loss, reason = "counts of samples")]
     fn exceeds(&self, rule: &Rule, samples: u64, started: Instant) -> bool {
-        let next = || -> u64 { self.blocks.par_iter().map(|b| b.samples_wanted(&self.sampler, rule)).sum() };
+        let next = || -> u64 { self.blocks.par_iter().map(|b| b.samples_wanted(self.sampler, rule)).sum() };
         match (self.deadline, self.goal) {
             (Some(deadline), _) => {
                 let expected_s = started.elapsed().as_secs_f64() * next() as f64 / samples.max(1) as f64;

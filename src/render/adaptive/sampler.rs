@@ -2,7 +2,7 @@
 
 use super::super::integrate::Pass;
 use super::{Adaptive, Goal};
-use crate::design::{Design, DesignOptions, Dither, Factor, Kind, PixelAddress, PixelDesign};
+use crate::design::{Design, DesignOptions, Factor, PixelAddress, PixelDesign};
 use crate::film::{PixelAccumulator, REPLICATES, Replicates};
 use crate::numeric::mix64;
 use crate::trace::ImageFunction;
@@ -32,16 +32,15 @@ impl<'a, F: ImageFunction> Sampler<'a, F> {
         adaptive: &Adaptive,
         pass: &'a Pass<'a>,
     ) -> Self {
-        let most = 1 << (adaptive.most_runs / QUARTERS).max(1).ilog2();
-        let kind = if options.kind == Kind::Auto { Kind::Growing } else { options.kind };
+        let drawn = adaptive.drawn(options);
         // Seeds far from each other, and from that of a picture with a fixed number of runs.
         let design = |sequence: u64| {
             let seed = mix64(mix64(options.seed) ^ sequence);
-            Design::new(&DesignOptions { kind, dither: Dither::NONE, runs: QUARTERS * most, seed, ..*options }, factors)
+            Design::new(&DesignOptions { seed, ..drawn }, factors)
         };
         let sequences = if let Goal::Error(_) = adaptive.goal { 2 } else { 1 };
         let designs = (0..sequences).map(design).collect();
-        Self { function, designs, pass, shutter: factors.contains(&Factor::SHUTTER), most }
+        Self { function, designs, pass, shutter: factors.contains(&Factor::SHUTTER), most: drawn.runs / QUARTERS }
     }
 
     /// The most runs of a quarter.

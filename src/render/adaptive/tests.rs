@@ -1,6 +1,7 @@
 use super::*;
 use crate::design::{DesignOptions, Point};
 use crate::film::{Filter, Footprint, Lines, PixelEstimate};
+use crate::render::Forecast;
 use crate::time::Parity;
 use crate::trace::FilmPoint;
 use glam::Vec3;
@@ -243,4 +244,34 @@ fn designs_that_cannot_grow_and_parts_out_of_range_are_refused() {
     assert!(Adaptive { most_runs: 8, ..asked(Goal::Error(0.01)) }.check(Kind::Auto, Dither::NONE).is_err());
     let ordered = Dither { mask: Mask::Ordered, ..Dither::default() };
     assert!(asked(Goal::Error(0.01)).check(Kind::Auto, ordered).is_err());
+}
+
+/// With time for all blocks a forecast has sampled what the picture takes, and knows it; with none it says nothing.
+#[test]
+fn a_forecast_of_all_blocks_is_what_the_picture_takes() {
+    let filter = Filter::new("box".parse().unwrap());
+    let pass = Pass { footprint: Footprint::PROGRESSIVE, filter: &filter, lines: Lines::All, number: 3 };
+    let options = DesignOptions { seed: 9, ..DesignOptions::default() };
+    let size = (200, 90);
+    let crop = Window { x: 21, y: 3, width: 170, height: 80 };
+    let look = |goal, window, budget_s| {
+        let drawn = (&options, &FACTORS[..]);
+        outlook::forecast(&Shown(disk), drawn, &asked(goal), &pass, (window, size), budget_s)
+    };
+    for goal in [Goal::Error(0.02), Goal::Mean(32), Goal::Until(0.05), Goal::Passes(9)] {
+        for window in [Window::whole(size.0, size.1), crop] {
+            let mut film = Film::new(size.0, size.1, Some(window)).unwrap();
+            let progress = Progress::default();
+            integrate(&Shown(disk), (&options, &FACTORS), &asked(goal), &pass, &mut film, None, &progress).unwrap();
+            let all = look(goal, window, 1e6);
+            assert_eq!((all.samples, all.samples_tried), (progress.samples(), progress.samples()), "{goal:?}");
+            assert!(all.render_s > 0.0 && all.standard_error_s <= 0.0, "{goal:?} {all:?}");
+            // Eight blocks of 78 or 66: most of them do not see the disk.
+            let few = look(goal, window, 1e-9);
+            assert!(few.samples_tried < few.samples && few.standard_error_s > 0.0, "{goal:?} {few:?}");
+            assert_eq!(look(goal, window, 0.0), Forecast::default());
+        }
+    }
+    let in_time = look(Goal::Within(7.0), crop, 1e-9);
+    assert!(in_time.samples > 0 && (in_time.render_s - 7.0).abs() < 1e-9, "{in_time:?}");
 }

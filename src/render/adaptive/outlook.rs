@@ -1,0 +1,121 @@
+//! What sampling that stops by itself will take: some of a picture's blocks, which decide for themselves, are sampled as
+//! the whole will be.
+
+use super::block::{Block, Rule, grid};
+use super::{Adaptive, Goal, Passes, Sampler, Visibility};
+use crate::design::{DesignOptions, Factor};
+use crate::film::Window;
+use crate::render::forecast::{LEAST_BLOCKS, spread_cells};
+use crate::render::integrate::Pass;
+use crate::render::{Forecast, Progress};
+use crate::trace::ImageFunction;
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// Samples blocks for about `budget_s` seconds (nothing at 0) and scales what they took to all that `window` shows of a
+/// picture of `size`. Of [`Goal::Within`] only the samples are found out: a frame takes the time that it is given.
+pub(in crate::render) fn forecast<F: ImageFunction>(
+    function: &F,
+    (options, factors): (&DesignOptions, &[Factor]),
+    adaptive: &Adaptive,
+    pass: &Pass<'_>,
+    (window, size): (Window, (u32, u32)),
+    budget_s: f64,
+) -> Forecast {
+    if budget_s <= 0.0 {
+        return Forecast::default();
+    }
+    // Pixels' first runs, for the speed.
+    let goal = if let Goal::Within(_) = adaptive.goal { Goal::Passes(3) } else { adaptive.goal };
+    let tried_for = Adaptive { goal, ..*adaptive };
+    let sampler = Sampler::new(function, options, factors, &tried_for, pass);
+    let all = spread(window, size);
+    let look = |count: usize| {
+        let blocks = all[..count].iter().map(|&block| Block::new(block, pass.lines)).collect();
+        settle(blocks, &sampler, &tried_for, window)
+    };
+    let started = Instant::now();
+    let mut count = LEAST_BLOCKS.min(all.len());
+    let mut tried = look(count);
+    // The first look loads what a second finds in the cache, and tells how many blocks the budget holds.
+    let spent_s = started.elapsed().as_secs_f64();
+    #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    let fitting = (count as f64 * (budget_s - spent_s) / spent_s).clamp(0.0, all.len() as f64) as usize;
+    if fitting >= count {
+        count = fitting;
+        tried = look(count);
+    }
+    let pixels = all.iter().map(|&block| Block::new(block, pass.lines).pixels()).sum();
+    let scaled = scaled(&tried, all.len(), pixels);
+    match adaptive.goal {
+        Goal::Within(seconds) => in_time(&scaled, seconds),
+        _ => scaled,
+    }
+}
+
+/// The blocks of the picture that `window` shows, in an order whose every beginning is spread over it.
+fn spread(window: Window, (width, height): (u32, u32)) -> Vec<Window> {
+    let blocks = grid(window, Window::whole(width, height));
+    let columns = blocks.iter().take_while(|block| block.y == blocks[0].y).count().max(1);
+    #[allow(clippy::cast_possible_truncation, reason = "a picture has at most 4096 blocks on a side")]
+    let cells = spread_cells(columns as u32, (blocks.len() / columns) as u32);
+    cells.into_iter().map(|(column, row)| blocks[row as usize * columns + column as usize]).collect()
+}
+
+/// Samples `blocks` until they, as far as `window` shows them, are what is asked for.
+fn settle<F: ImageFunction>(
+    mut blocks: Vec<Block>,
+    sampler: &Sampler<'_, F>,
+    adaptive: &Adaptive,
+    window: Window,
+) -> Vec<Block> {
+    let progress = Progress::default();
+    let Goal::Error(tolerance) = adaptive.goal else {
+        let mut passes = Passes { blocks, sampler, goal: adaptive.goal, deadline: None, progress: &progress };
+        passes.run(window);
+        return passes.blocks;
+    };
+    let rule = Rule::visible(tolerance, Visibility::new(adaptive.view));
+    blocks = blocks.into_iter().map(Block::with_twins).collect();
+    blocks.par_iter_mut().for_each(|block| {
+        block.settle_and_count(sampler, &rule, &progress);
+    });
+    blocks
+}
+
+/// What all blocks, `count` with `pixels` pixels together, take if they are like those tried: by pixels, since blocks at
+/// a picture's border are smaller.
+#[allow(clippy::cast_precision_loss, reason = "counts far below 2^52")]
+fn scaled(tried: &[Block], count: usize, pixels: u64) -> Forecast {
+    let threads = rayon::current_num_threads() as f64;
+    let of_tried: u64 = tried.iter().map(Block::pixels).sum();
+    let samples_tried: u64 = tried.iter().map(Block::samples).sum();
+    if of_tried == 0 {
+        return Forecast::default();
+    }
+    let scale = pixels as f64 / of_tried as f64;
+    let rate = tried.iter().map(Block::seconds).sum::<f64>() / of_tried as f64;
+    let off = |block: &Block| block.seconds() - rate * block.pixels() as f64;
+    let n = tried.len() as f64;
+    let variance = tried.iter().map(|block| off(block).powi(2)).sum::<f64>() / (n - 1.0);
+    // Of blocks drawn without putting them back: all of them leave nothing unknown.
+    let left = 1.0 - n / count as f64;
+    let error_s = if tried.len() > 1 { scale * (n * variance * left).sqrt() / threads } else { f64::INFINITY };
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of samples")]
+    let samples = (samples_tried as f64 * scale).round() as u64;
+    Forecast {
+        build_s: 0.0,
+        render_s: rate * pixels as f64 / threads,
+        standard_error_s: error_s,
+        samples_tried,
+        samples,
+    }
+}
+
+/// What `seconds` are enough for, at the speed of `tried`.
+#[allow(clippy::cast_precision_loss, reason = "counts far below 2^52")]
+fn in_time(tried: &Forecast, seconds: f64) -> Forecast {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of samples")]
+    let samples = (tried.samples as f64 * seconds / tried.render_s.max(f64::MIN_POSITIVE)) as u64;
+    Forecast { render_s: seconds, standard_error_s: 0.0, samples, ..*tried }
+}
