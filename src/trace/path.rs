@@ -316,7 +316,7 @@ impl PathTracer<'_> {
         let query = ShadingQuery {
             surroundings,
             cone_width: path.cone_width,
-            u_texture: if materials.draws_texels(surface.material) {
+            u_texture: if materials.draws_texels() && surface.uv_gradients.is_some() {
                 point.get(Factor::extra(EXTRA_VERTEX + 2 * (path.vertex + path.specular)))
             } else {
                 0.5

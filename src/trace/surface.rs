@@ -36,8 +36,8 @@ pub struct SurfacePoint {
     /// Area of the triangle in world space at this instant, m²: for the density of light sampling.
     pub triangle_area: f32,
     /// How the texture coordinates of set 0 change along the surface: their gradients in world space, 1/m, which lie in
-    /// the triangle's plane; zero if there are none, or the material reads no texture.
-    pub uv_gradients: [Vec3A; 2],
+    /// the triangle's plane. `None` if there are none, or the material reads no texture.
+    pub uv_gradients: Option<[Vec3A; 2]>,
 }
 
 /// A triangle's corners at the ray's instant.
@@ -87,7 +87,7 @@ impl SurfacePoint {
         for (uv, set) in uvs.iter_mut().zip(&mesh.uvs) {
             *uv = set[indices[0]] * weights[0] + set[indices[1]] * weights[1] + set[indices[2]] * weights[2];
         }
-        let uv_gradients = mesh.uvs.first().filter(|_| textured).map_or([Vec3A::ZERO; 2], |set| {
+        let uv_gradients = mesh.uvs.first().filter(|_| textured).map(|set| {
             let [a, b, c] = indices.map(|i| set[i].as_dvec2());
             gradients(edges, [b - a, c - a], geometric_normal.as_dvec3(), across)
         });

@@ -24,7 +24,7 @@ fn point(material: usize) -> SurfacePoint {
         instance: 0,
         triangle: 0,
         triangle_area: 1.0,
-        uv_gradients: [Vec3A::X, Vec3A::Y],
+        uv_gradients: Some([Vec3A::X, Vec3A::Y]),
     }
 }
 

@@ -34,8 +34,6 @@ pub struct Materials {
     /// The same for boundaries between two media of the scene, by the bits of the inner and the outer index.
     nested: HashMap<(u32, u32), OnceLock<[Glass; 2]>>,
     media: Vec<Option<Medium>>,
-    /// By material: whether it reads textures.
-    textured: Vec<bool>,
     /// Whether reading them draws texels at random.
     draws: bool,
 }
@@ -64,9 +62,8 @@ impl Materials {
             .zip(&media)
             .map(|(m, medium)| medium.as_ref().filter(|_| rough(m)).map(&mut tables))
             .collect();
-        let textured = scene.materials.iter().map(Material::is_textured).collect();
         let nested = nested(scene, &media);
-        Self { textures: Textures::new(scene, filter), glass, nested, media, textured, draws: filter.draws() }
+        Self { textures: Textures::new(scene, filter), glass, nested, media, draws: filter.draws() }
     }
 
     /// The albedos of the boundary of `material`, from outside (0) or inside (1); `None` where it is perfectly smooth,
@@ -91,16 +88,10 @@ impl Materials {
         &self.textures
     }
 
-    /// Whether evaluating `material` needs a number for its textures: a filter that draws, with any texture.
+    /// Whether reading textures takes a number: a filter that draws texels.
     #[must_use]
-    pub fn draws_texels(&self, material: MaterialId) -> bool {
-        self.draws && self.is_textured(material)
-    }
-
-    /// Whether `material` reads any texture.
-    #[must_use]
-    pub fn is_textured(&self, material: MaterialId) -> bool {
-        self.textured[material]
+    pub fn draws_texels(&self) -> bool {
+        self.draws
     }
 
     /// The medium behind `material`'s surface, if it has a volume.

@@ -103,11 +103,9 @@ impl Shading {
         let material = &scene.materials[point.material];
         let front = wo.dot(point.geometric_normal) >= 0.0;
         let side = if front { 1.0 } else { -1.0 };
-        let footprint = if materials.is_textured(point.material) {
-            footprint_of(point, wo, query)
-        } else {
-            Footprint::point(query.u_texture)
-        };
+        let footprint = point.uv_gradients.map_or(Footprint::point(query.u_texture), |gradients| {
+            footprint_of(gradients, point.geometric_normal, wo, query)
+        });
         let reader = Reader { scene, materials, uvs: &point.uvs, footprint, least_alpha: query.least_alpha };
         let base = material.base_color * point.color * reader.get(&material.base_color_texture, ColorSpace::Srgb);
         let base_color = base.truncate().max(Vec3::ZERO);
@@ -142,13 +140,12 @@ fn dispersed(medium: Medium, material: &Material, wavelength_nm: Option<f32>) ->
 /// A displacement c across the ray meets the plane at c − wo (c·n)/(wo·n); along that the coordinate u with gradient g
 /// changes by c · (g − n (g·wo)/(wo·n)). The vectors in brackets are perpendicular to wo, so their products times the
 /// width squared are the ellipse.
-fn footprint_of(point: &SurfacePoint, wo: Vec3A, query: ShadingQuery) -> Footprint {
+fn footprint_of(gradients: [Vec3A; 2], n: Vec3A, wo: Vec3A, query: ShadingQuery) -> Footprint {
     /// Nearer to the horizon than this the ellipse is as long as it is here: half a metre for a pixel of a millimetre.
     const LEAST_COSINE: f32 = 1.0 / 512.0;
-    let n = point.geometric_normal;
     let cos = wo.dot(n);
     let cos = if cos.abs() < LEAST_COSINE { LEAST_COSINE.copysign(cos) } else { cos };
-    let [u, v] = point.uv_gradients.map(|g| (g - n * (g.dot(wo) / cos)) * query.cone_width);
+    let [u, v] = gradients.map(|g| (g - n * (g.dot(wo) / cos)) * query.cone_width);
     Footprint::ellipse([u.dot(u), u.dot(v), v.dot(v)], query.u_texture)
 }
 

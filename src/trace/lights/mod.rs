@@ -24,7 +24,7 @@ use crate::numeric::{gamma, mix64, unit_from_bits};
 use crate::scene::{Scene, Stage};
 use emitters::{Emitters, attributes_at};
 use glam::{Vec2, Vec3, Vec3A};
-use punctual::Nature;
+use punctual::{Lamp, Nature};
 use seen::SeenShape;
 use spheres::Spheres;
 use tree::{Receiver, Root, Tree};
@@ -108,6 +108,8 @@ pub struct Lights<'a> {
     stage: &'a Stage,
     materials: &'a Materials,
     environment: &'a Environment,
+    /// The stage's lights, in its order.
+    lamps: Vec<Lamp<'a>>,
     emitters: Emitters,
     /// Stage lights in the tree, after the emitters.
     near: Vec<usize>,
@@ -127,10 +129,10 @@ impl<'a> Lights<'a> {
     #[must_use]
     pub fn build(scene: &'a Scene, stage: &'a Stage, materials: &'a Materials, environment: &'a Environment) -> Self {
         let emitters = Emitters::new(scene, stage, materials);
-        let natures: Vec<Nature> = stage.lights.iter().map(punctual::nature).collect();
+        let lamps: Vec<Lamp<'a>> = stage.lights.iter().map(Lamp::new).collect();
         let shines = |i: &usize| stage.lights[*i].light.intensity.max_element() > 0.0;
         let of = |wanted: &[Nature]| -> Vec<usize> {
-            (0..natures.len()).filter(|i| wanted.contains(&natures[*i]) && shines(i)).collect()
+            (0..lamps.len()).filter(|i| wanted.contains(&lamps[*i].nature()) && shines(i)).collect()
         };
         let deltas = of(&[Nature::Point, Nature::Direction]);
         let few = deltas.len() <= MOST_LIGHTS_VISITED;
@@ -141,7 +143,7 @@ impl<'a> Lights<'a> {
         }
         let suns = if few { of(&[Nature::Disc]) } else { of(&[Nature::Disc, Nature::Direction]) };
         let mut extents = emitters.extents.clone();
-        extents.extend(near.iter().map(|&i| punctual::extent(&stage.lights[i])));
+        extents.extend(near.iter().map(|&i| lamps[i].extent()));
         let kinds = LightKinds {
             triangles: emitters.list.len(),
             moving_emitters: emitters.moving_instances,
@@ -160,8 +162,9 @@ impl<'a> Lights<'a> {
             near,
             suns,
             visited: if few { deltas } else { Vec::new() },
-            spheres: Spheres::new(stage, &of(&[Nature::Sphere])),
+            spheres: Spheres::new(&lamps, &of(&[Nature::Sphere])),
             discs: of(&[Nature::Disc]),
+            lamps,
             kinds,
         }
     }
@@ -241,18 +244,18 @@ impl<'a> Lights<'a> {
     }
 
     fn sun_irradiance(&self, sun: usize, q: &LightQuery) -> f32 {
-        punctual::far_irradiance(&self.stage.lights[sun], q.normal, q.sides == Sides::Both, q.u_time).min(MOST_ESTIMATE)
+        self.lamps[sun].far_irradiance(q.normal, q.sides == Sides::Both, q.u_time).min(MOST_ESTIMATE)
     }
 
     fn punctual_sample(&self, i: usize, q: &LightQuery, chance: f32, u: Vec2) -> Option<LightSample> {
-        let light = &self.stage.lights[i];
-        let a = punctual::sample(light, q.position, q.u_time, u)?;
+        let lamp = &self.lamps[i];
+        let a = lamp.sample(q.position, q.u_time, u)?;
         Some(LightSample {
             wi: a.wi,
             distance: shortened(a.distance, q.position),
             radiance: a.light,
             pdf_solid_angle: a.pdf_solid_angle * chance,
-            is_delta: matches!(punctual::nature(light), Nature::Point | Nature::Direction),
+            is_delta: matches!(lamp.nature(), Nature::Point | Nature::Direction),
             emitter: None,
         })
     }
@@ -334,7 +337,7 @@ impl<'a> Lights<'a> {
             return;
         }
         let escaped = t_max == f32::INFINITY;
-        let seen = |i: usize| punctual::seen(&self.stage.lights[i], q.position, wi, q.u_time);
+        let seen = |i: usize| self.lamps[i].seen(q.position, wi, q.u_time);
         let r = q.receiver();
         self.spheres.near(q.position, wi, t_max, q.u_time, |light, number| {
             if let Some((_, radiance, pdf)) = seen(light).filter(|s| s.0 <= t_max) {
@@ -369,7 +372,7 @@ impl<'a> Lights<'a> {
     pub fn sky(&self, wi: Vec3A, u_time: f32) -> Vec3 {
         let mut sum = self.environment.radiance(wi);
         for &i in &self.discs {
-            if let Some((_, radiance, _)) = punctual::seen(&self.stage.lights[i], Vec3A::ZERO, wi, u_time) {
+            if let Some((_, radiance, _)) = self.lamps[i].seen(Vec3A::ZERO, wi, u_time) {
                 sum += radiance;
             }
         }
@@ -378,13 +381,15 @@ impl<'a> Lights<'a> {
 
     /// Radiance of sphere lights that a mirror-like ray from `from` along `wi` passes before `t_max`.
     #[must_use]
+    #[inline]
     pub fn spheres(&self, from: Vec3A, wi: Vec3A, t_max: f32, u_time: f32) -> Vec3 {
+        if !compiled::LIGHT || self.spheres.is_empty() { Vec3::ZERO } else { self.passed(from, wi, t_max, u_time) }
+    }
+
+    fn passed(&self, from: Vec3A, wi: Vec3A, t_max: f32, u_time: f32) -> Vec3 {
         let mut sum = Vec3::ZERO;
-        if !compiled::LIGHT {
-            return sum;
-        }
         self.spheres.near(from, wi, t_max, u_time, |i, _| {
-            if let Some((distance, radiance, _)) = punctual::seen(&self.stage.lights[i], from, wi, u_time)
+            if let Some((distance, radiance, _)) = self.lamps[i].seen(from, wi, u_time)
                 && distance < t_max
             {
                 sum += radiance;

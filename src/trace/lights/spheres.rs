@@ -1,8 +1,7 @@
 //! Sphere lights as rays see them: a small hierarchy of boxes that move with the exposure, so that a ray among many
 //! spheres looks at few.
 
-use super::punctual::{self, Nature};
-use crate::scene::Stage;
+use super::punctual::{Lamp, Nature};
 use glam::{Vec3, Vec3A};
 
 /// Spheres in a leaf.
@@ -27,11 +26,16 @@ pub(super) struct Spheres {
 }
 
 impl Spheres {
-    /// Over the lights `spheres` of `stage`; their numbers are places in that list.
+    /// Whether there is none.
+    pub(super) fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// Over the lights `spheres` among `lamps`; their numbers are places in that list.
     #[allow(clippy::cast_possible_truncation, reason = "lights of a file are counted in 32 bits")]
-    pub(super) fn new(stage: &Stage, spheres: &[usize]) -> Self {
-        debug_assert!(spheres.iter().all(|&i| punctual::nature(&stage.lights[i]) == Nature::Sphere));
-        let boxes: Vec<[[Vec3; 2]; 2]> = spheres.iter().map(|&i| punctual::extent(&stage.lights[i]).boxes).collect();
+    pub(super) fn new(lamps: &[Lamp<'_>], spheres: &[usize]) -> Self {
+        debug_assert!(spheres.iter().all(|&i| lamps[i].nature() == Nature::Sphere));
+        let boxes: Vec<[[Vec3; 2]; 2]> = spheres.iter().map(|&i| lamps[i].extent().boxes).collect();
         let mut all = Self { nodes: Vec::new(), order: Vec::new() };
         if spheres.is_empty() {
             return all;
@@ -151,7 +155,8 @@ mod tests {
             add_light(&mut stage, LightShape::Point { radius: 0.05 + unit() }, 1.0, motion);
         }
         let list: Vec<usize> = (0..300).collect();
-        let spheres = Spheres::new(&stage, &list);
+        let lamps: Vec<Lamp<'_>> = stage.lights.iter().map(Lamp::new).collect();
+        let spheres = Spheres::new(&lamps, &list);
         let (mut met, mut given) = (0_u32, 0_u32);
         for i in 0..20_000_u32 {
             let from = Vec3A::new(unit(), unit(), unit()) * 30.0 - 15.0;
@@ -163,8 +168,8 @@ mod tests {
                 near[number] = true;
                 given += 1;
             });
-            for (light, near) in stage.lights.iter().zip(near) {
-                let seen = punctual::seen(light, from, wi, u_time).is_some();
+            for (lamp, near) in lamps.iter().zip(near) {
+                let seen = lamp.seen(from, wi, u_time).is_some();
                 met += u32::from(seen);
                 assert!(near || !seen);
             }
