@@ -215,6 +215,30 @@ fn range_fades_light_out_as_the_extension_says() {
     });
 }
 
+/// A lamp that travels from one side to the other is where it should be at each instant: as a point is it visited, as a
+/// sphere seen.
+#[test]
+fn a_lamp_shines_from_where_it_is_at_an_instant() {
+    let ends = [Vec3::new(-3.0, 2.0, 0.0), Vec3::new(5.0, 2.0, 0.0)];
+    let mut stage = stage();
+    for radius in [0.0, 0.1] {
+        let travel = Motion::through(vec![0.0, 1.0], ends.map(Affine3A::from_translation).into());
+        add_light(&mut stage, LightShape::Point { radius }, 1.0, travel);
+    }
+    with_lights(&Scene::default(), &stage, Background::Black, |lights| {
+        for u_time in [0.0, 0.25, 0.5, 1.0] {
+            let q = LightQuery { u_time, ..query(Vec3::ZERO, Vec3::Y) };
+            let to = Vec3A::from(ends[0].lerp(ends[1], u_time));
+            let visited = lights.visit(0, &q).unwrap();
+            assert!(visited.wi.distance(to.normalize()) < 1e-6, "{u_time}: {visited:?}");
+            assert!((visited.radiance.x * to.length_squared() - 1.0).abs() < 1e-5, "{u_time}: {visited:?}");
+            let shows = |wi: Vec3A| lights.spheres(Vec3A::ZERO, wi, f32::INFINITY, u_time) != Vec3::ZERO;
+            let elsewhere = Vec3A::from(ends[0].lerp(ends[1], u_time - 0.125));
+            assert!(shows(to.normalize()) && !shows(elsewhere.normalize()), "{u_time}");
+        }
+    });
+}
+
 #[test]
 fn a_sun_gives_its_illuminance_at_any_size() {
     let down = Affine3A::from_rotation_translation(Quat::from_rotation_x(-0.9), Vec3::ZERO);
