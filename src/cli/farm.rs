@@ -201,7 +201,7 @@ impl FarmArgs {
     /// The job, and sentences about it.
     fn job(&self) -> Result<(Job, String)> {
         let pictures = self.pattern()?;
-        let stops_by_itself = self.adaptive.adaptive(View::default()).is_some();
+        let stops_by_itself = self.stops_by_itself();
         if let Some(parts) = self.parts.filter(|&parts| parts > 1 && stops_by_itself) {
             return Err(Error::invalid(
                 format!("--parts {parts}"),
@@ -243,6 +243,11 @@ impl FarmArgs {
         };
         let report = self.report(&job, &probe);
         Ok((job, report))
+    }
+
+    /// Whether sampling ends when it is accurate enough, or its time is up.
+    fn stops_by_itself(&self) -> bool {
+        self.adaptive.adaptive(View::default()).is_some()
     }
 
     fn pattern(&self) -> Result<Pattern> {
@@ -299,7 +304,8 @@ impl FarmArgs {
 
     /// What was held while parts were rendered, what a whole frame takes besides, and a third more.
     fn memory_mib(&self, probe: &Probe) -> u64 {
-        let frame = probe.pixels * (FRAME_PIXEL + 8 * probe.planes);
+        let pixel = if self.stops_by_itself() { SETTLED_PIXEL } else { FRAME_PIXEL };
+        let frame = probe.pixels * (pixel + 8 * probe.planes);
         self.memory.map_or(LEAST_MIB.max(((probe.memory + frame) * 4 / 3).div_ceil(64 << 20) * 64), u64::from)
     }
 
@@ -329,6 +335,8 @@ impl FarmArgs {
 const MOST_TILES: u32 = 1024;
 /// Bytes that a pixel takes in memory while a frame is rendered.
 const FRAME_PIXEL: u64 = 512;
+/// The same where pixels keep their quarters' sums until the last of them stops: 650 were measured.
+const SETTLED_PIXEL: u64 = 768;
 /// MiB of memory to ask for at least: what threads and the system's caches for them take is not counted.
 const LEAST_MIB: u64 = 256;
 /// Bytes that a pixel takes in parts.
