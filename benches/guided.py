@@ -36,13 +36,13 @@ def build(host, flag):
     return GUIDED / "build" / host / "release" / "graeco"
 
 
-def render(program, scene, frame, size, bounces, folder, *more):
+def render(program, scene, frame, size, bounces, folder):
     """Seconds that sampling one frame took."""
     stats = os.path.join(folder, "stats.jsonl")
     picture = os.path.join(folder, f"{pathlib.Path(program).parent.name}.exr")
     options = ["--frames", str(frame), "--size", size, "--runs", "16", "--bounces", str(bounces)]
     subprocess.run(
-        [program, "render", scene, *options, *more, "--stats", stats, "-o", picture], check=True, capture_output=True
+        [program, "render", scene, *options, "--stats", stats, "-o", picture], check=True, capture_output=True
     )
     with open(stats, encoding="utf-8") as lines:
         return json.loads(lines.readlines()[-1])["render_s"]

@@ -4,7 +4,8 @@
 mod shots;
 
 use graeco::design::{Dither, Kind};
-use graeco::render::{Settings, Shot, Surroundings};
+use graeco::output::View;
+use graeco::render::{Adaptive, Goal, Progress, Settings, Shot, Surroundings};
 use graeco::study::cost::report::{Price, Report};
 use graeco::study::cost::without::{Effect, Without};
 use graeco::study::cost::{Contender, Effort, Subject, study};
@@ -110,6 +111,30 @@ fn a_forecast_counts_samples_and_measures_blur() {
     assert!(look("animations/pool.glb", &pinhole).0.defocus_px > 0.0);
     pinhole.view.aperture_radius = Some(0.0);
     assert!(look("animations/pool.glb", &pinhole).0.defocus_px <= 0.0);
+}
+
+/// Frames that stop by themselves are planned and foretold as they are sampled: with time for all of it, exactly.
+#[test]
+fn a_forecast_of_a_frame_that_stops_by_itself_counts_its_samples() {
+    let scene = load("animations/pool.glb");
+    let asked = |goal| Settings {
+        adaptive: Some(Adaptive { goal, most_runs: 256, view: View::default() }),
+        ..settings((40, 24), 8, 0)
+    };
+    for goal in [Goal::Error(0.1), Goal::Passes(6)] {
+        let settings = asked(goal);
+        let dark = DARK;
+        let mut shot = Shot::new(&scene, &settings, &dark, "").unwrap();
+        let design = shot.plan(12).unwrap().remove(0).1;
+        assert_eq!((design.kind(), design.runs()), (Kind::Growing, 256));
+        let (_, forecast) = shot.forecast(12, 1e4).unwrap();
+        let frame = shot.render(12, &Progress::default()).unwrap().unwrap();
+        assert_eq!(forecast.samples, frame.cost.samples, "{goal:?}");
+    }
+    let dark = DARK;
+    let settings = asked(Goal::Within(50.0));
+    let (_, forecast) = Shot::new(&scene, &settings, &dark, "").unwrap().forecast(12, 0.01).unwrap();
+    assert!((forecast.seconds() - 50.0).abs() < 1e-6, "{forecast:?}");
 }
 
 /// What effects cost is told from trials of the same blocks: errors that repeat exactly, and fall when effects go.

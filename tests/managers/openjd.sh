@@ -39,6 +39,10 @@ accurate=(--frames=1-3:2 --size=64x36 --error=10% --most-runs=256)
 "$GRAECO" render "$scene" "${accurate[@]}" --output="$work/accurate/newton.####.exr" --quiet
 "$GRAECO" farm openjd "$scene" "${accurate[@]}" --frames-per-task=1 --measure=0.1 --memory=256 \
     --pictures="$work/stopped/newton.####.exr" --output=stopped.yaml
+if "$GRAECO" farm openjd "$scene" "${accurate[@]}" --parts=2 --output=refused.yaml 2>refused.log; then
+    fail "frames that stop by themselves were cut into parts"
+fi
+grep -q "^graeco: --parts 2: " refused.log || fail "the refusal does not name --parts"
 "$openjd" run stopped.yaml --step Check --run-dependencies -p Graeco="$GRAECO" -p Scene="$scene" >stopped.log 2>&1 ||
     { tail -n 40 stopped.log >&2; fail "frames that stop by themselves were not rendered"; }
 for frame in 0001 0003; do

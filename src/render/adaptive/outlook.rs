@@ -5,6 +5,7 @@ use super::block::{Block, Rule, grid};
 use super::{Adaptive, Goal, Passes, Sampler, Visibility};
 use crate::design::{DesignOptions, Factor};
 use crate::film::Window;
+use crate::film::blocks::pixels;
 use crate::render::forecast::{LEAST_BLOCKS, spread_cells};
 use crate::render::integrate::Pass;
 use crate::render::{Forecast, Progress};
@@ -45,7 +46,7 @@ pub(in crate::render) fn forecast<F: ImageFunction>(
         count = fitting;
         tried = look(count);
     }
-    let pixels = all.iter().map(|&block| Block::new(block, pass.lines).pixels()).sum();
+    let pixels = all.iter().map(|&block| pixels(block, pass.lines).count() as u64).sum();
     let scaled = scaled(&tried, all.len(), pixels);
     match adaptive.goal {
         Goal::Within(seconds) => in_time(&scaled, seconds),

@@ -62,6 +62,13 @@ fn pose(light: &StageLight, u_time: f32) -> Pose {
     (m.translation, (-m.matrix3.z_axis).try_normalize().unwrap_or(Vec3A::NEG_Z))
 }
 
+/// The way to the centre of a sphere at `place`, and its length. `None` from inside: it has no surface that shines inwards.
+fn outside(radius: f32, place: Vec3A, from: Vec3A) -> Option<(Vec3A, f32)> {
+    let to = place - from;
+    let distance = to.length();
+    (distance > radius && distance.is_finite()).then_some((to, distance))
+}
+
 /// 1 − cos of the half angle under which a sphere of `radius` is seen from `distance` > `radius`.
 fn sphere_one_minus_cos(radius: f32, distance: f32) -> f32 {
     let s = radius / distance;
@@ -156,12 +163,7 @@ impl<'a> Lamp<'a> {
             }
             Nature::Sphere => {
                 let radius = self.radius();
-                let to = place - from;
-                let distance = to.length();
-                // From inside, a sphere light has no surface that shines inwards.
-                if distance <= radius || !distance.is_finite() {
-                    return None;
-                }
+                let (to, distance) = outside(radius, place, from)?;
                 let towards = to / distance;
                 let one_minus_cos = sphere_one_minus_cos(radius, distance);
                 let w = warp::cone_from_square(u, one_minus_cos);
@@ -190,11 +192,7 @@ impl<'a> Lamp<'a> {
             }
             Nature::Sphere => {
                 let radius = self.radius();
-                let to = place - from;
-                let distance = to.length();
-                if distance <= radius || !distance.is_finite() {
-                    return None;
-                }
+                let (to, distance) = outside(radius, place, from)?;
                 let along = to.dot(wi);
                 let miss2 = (to - wi * along).length_squared();
                 if along <= 0.0 || miss2 > radius * radius {
