@@ -42,7 +42,7 @@ pub(super) fn collapse(tree: &[Node2], references: &[Reference], rule: LeafRule)
     shape.leaves.reserve(references.len() / 2);
     shape.boxes.reserve(references.len() / 2);
     let root = Collapse { tree, references, rule }.emit(0, &mut shape);
-    (shape.root, shape.stack) = (root.id, root.stack + 1);
+    (shape.root, shape.stack) = (root.id, root.stack + WIDTH);
     shape
 }
 

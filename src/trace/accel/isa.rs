@@ -9,6 +9,7 @@ use super::frame::RayFrame;
 use super::node::{MovingNode, Offset, Opened, Planes, StillNode};
 use super::tree::{MovingTree, StillTree};
 use super::walk::{Query, Waiting, walk_triangles};
+use glam::Vec3A;
 
 /// A way to compile the inner loops.
 pub(super) trait Isa {
@@ -18,7 +19,7 @@ pub(super) trait Isa {
     /// Tests the boxes of a moving node at fraction `time` of its segment.
     fn open_moving(node: &MovingNode, ray: &RayFrame, time: f32, limit: f32) -> Opened;
 
-    /// Says that what stands at `place` is read soon, if anything does.
+    /// Says that as much as a `T` at `place`, if anything stands there, is read soon.
     fn prefetch<T>(place: *const T);
 
     /// Walks what lies below `root` of a tree of still triangles.
@@ -98,24 +99,21 @@ fn lesser(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// The slab test (Kay and Kajiya 1986), made conservative as [`RayFrame`] says. A ray in a slab's plane gives 0 · ∞,
-/// which never decides: the comparison falls to the value found so far.
+/// The slab test (Kay and Kajiya 1986), made conservative as [`RayFrame`] says. What is no number (∞ − ∞, of sizes that
+/// leave `f32`) never decides: a comparison falls to its second side, in the end to 0 and `limit`.
 #[inline(always)]
 fn slabs(plane: impl Fn(Offset) -> [f32; 8], ray: &RayFrame, limit: f32) -> Opened {
+    let distances = |at: &[Offset; 3], inverse: Vec3A, shift: Vec3A| -> [[f32; 8]; 3] {
+        std::array::from_fn(|axis| plane(at[axis]).map(|p| p * inverse[axis] + shift[axis]))
+    };
+    let entries = distances(&ray.planes.near, ray.near_inverse, ray.near_shift);
+    let exits = distances(&ray.planes.far, ray.far_inverse, ray.far_shift);
     let mut near = [0.0_f32; 8];
-    let mut far = [limit; 8];
-    for axis in [2, 1, 0] {
-        let (entry, exit) = (plane(ray.planes.near[axis]), plane(ray.planes.far[axis]));
-        let (near_shift, far_shift) = (ray.near_shift[axis], ray.far_shift[axis]);
-        let (near_inverse, far_inverse) = (ray.near_inverse[axis], ray.far_inverse[axis]);
-        for c in 0..8 {
-            near[c] = greater(entry[c] * near_inverse + near_shift, near[c]);
-            far[c] = lesser(exit[c] * far_inverse + far_shift, far[c]);
-        }
-    }
     let mut mask = 0;
     for c in 0..8 {
-        mask |= u32::from(near[c] <= far[c]) << c;
+        near[c] = greater(greater(entries[0][c], entries[1][c]), greater(entries[2][c], 0.0));
+        let far = lesser(lesser(exits[0][c], exits[1][c]), lesser(exits[2][c], limit));
+        mask |= u32::from(near[c] <= far) << c;
     }
     Opened { mask, near: Planes(near) }
 }
@@ -165,9 +163,14 @@ mod avx2 {
         _mm256_fmadd_ps(plane, _mm256_set1_ps(inverse), _mm256_set1_ps(shift))
     }
 
+    /// As the portable twin: in pairs, since each comparison waits four cycles for the one before.
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     #[inline]
-    fn opened(near: __m256, far: __m256) -> Opened {
+    fn slabs(plane: impl Fn(Offset) -> __m256, ray: &RayFrame, limit: f32) -> Opened {
+        let entry = |axis: usize| distance(plane(ray.planes.near[axis]), ray.near_inverse[axis], ray.near_shift[axis]);
+        let exit = |axis: usize| distance(plane(ray.planes.far[axis]), ray.far_inverse[axis], ray.far_shift[axis]);
+        let near = _mm256_max_ps(_mm256_max_ps(entry(0), entry(1)), _mm256_max_ps(entry(2), _mm256_setzero_ps()));
+        let far = _mm256_min_ps(_mm256_min_ps(exit(0), exit(1)), _mm256_min_ps(exit(2), _mm256_set1_ps(limit)));
         let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)).cast_unsigned();
         Opened { mask, near: Planes(bytemuck::cast(near)) }
     }
@@ -175,28 +178,14 @@ mod avx2 {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     #[inline]
     fn open_still(node: &StillNode, ray: &RayFrame, limit: f32) -> Opened {
-        let (mut near, mut far) = (_mm256_setzero_ps(), _mm256_set1_ps(limit));
-        for axis in [2, 1, 0] {
-            let entry = load(&node.bounds, ray.planes.near[axis]);
-            let exit = load(&node.bounds, ray.planes.far[axis]);
-            near = _mm256_max_ps(distance(entry, ray.near_inverse[axis], ray.near_shift[axis]), near);
-            far = _mm256_min_ps(distance(exit, ray.far_inverse[axis], ray.far_shift[axis]), far);
-        }
-        opened(near, far)
+        slabs(|at| load(&node.bounds, at), ray, limit)
     }
 
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     #[inline]
     fn open_moving(node: &MovingNode, ray: &RayFrame, time: f32, limit: f32) -> Opened {
-        let (mut near, mut far) = (_mm256_setzero_ps(), _mm256_set1_ps(limit));
         let time = _mm256_set1_ps(time);
-        for axis in [2, 1, 0] {
-            let at = |plane: Offset| _mm256_fmadd_ps(time, load(&node.deltas, plane), load(&node.bounds, plane));
-            let (entry, exit) = (at(ray.planes.near[axis]), at(ray.planes.far[axis]));
-            near = _mm256_max_ps(distance(entry, ray.near_inverse[axis], ray.near_shift[axis]), near);
-            far = _mm256_min_ps(distance(exit, ray.far_inverse[axis], ray.far_shift[axis]), far);
-        }
-        opened(near, far)
+        slabs(|at| _mm256_fmadd_ps(time, load(&node.deltas, at), load(&node.bounds, at)), ray, limit)
     }
 
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -226,10 +215,9 @@ mod avx2 {
     impl Isa for Avx2 {
         #[inline(always)]
         fn prefetch<T>(place: *const T) {
-            let first = place.cast::<i8>();
-            for line in 0..size_of::<T>().div_ceil(64).min(4) {
+            for line in 0..size_of::<T>().div_ceil(64) {
                 // SAFETY: SSE is part of every x86-64; a prefetch reads nothing, whatever the address.
-                unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(64 * line)) };
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(place.cast::<i8>().wrapping_add(64 * line)) };
             }
         }
 

@@ -277,7 +277,7 @@ struct Places<'a, I, const ANY: bool> {
     all: &'a Structures,
     items: &'a [Item],
     ray: &'a Ray,
-    /// The ray in the world. The bounds that it was made for enclose the world's structure too.
+    /// The ray in the world. The bounds that it was made for enclose everything.
     frame: &'a RayFrame,
     isa: std::marker::PhantomData<I>,
 }
@@ -310,16 +310,27 @@ impl<I: Isa, const ANY: bool> Visit for Places<'_, I, ANY> {
             Form::Moving(deforming) => {
                 let (segment, f) = segment_at(&deforming.times, self.ray.u_time);
                 let tree = &deforming.segments[segment];
-                let frame = RayFrame::new(origin, direction, &tree.nodes.bounds);
-                I::walk_moving::<ANY>(tree, &frame, f, item, query, stack)
+                // What deforms stands in the world most often: skins put it there.
+                let own;
+                let frame = if matches!(place.pose, Pose::World) {
+                    self.frame
+                } else {
+                    own = RayFrame::new(origin, direction, &tree.nodes.bounds);
+                    &own
+                };
+                I::walk_moving::<ANY>(tree, frame, f, item, query, stack)
             }
         }
     }
 
     #[inline(always)]
-    fn prefetch<J: Isa>(&self, leaf: u32) {
-        if let Item::Place(place) = self.items[leaf as usize] {
-            J::prefetch(self.all.places.as_ptr().wrapping_add(place as usize));
+    fn place(&self, leaf: u32) -> *const u8 {
+        match self.items[leaf as usize] {
+            Item::Place(place) => self.all.places.as_ptr().wrapping_add(place as usize).cast(),
+            Item::World(root) => match &self.all.world {
+                Some(world) => world.tree.nodes.nodes.as_ptr().wrapping_add(root as usize).cast(),
+                None => std::ptr::null(),
+            },
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Walking a tree front to back.
 
 use super::block::{Block, Candidate, decide, tag, test};
-use super::collapse::LEAF;
+use super::collapse::{LEAF, WIDTH};
 use super::frame::RayFrame;
 use super::isa::Isa;
 use super::node::WideNode;
@@ -66,8 +66,8 @@ pub(super) trait Visit {
     /// Visits leaf `leaf`; `stack` is free for its use. Returns whether the walk is over.
     fn visit(&self, leaf: u32, query: &mut Query<'_>, stack: &Waiting) -> bool;
 
-    /// Says that leaf `leaf` may be visited soon.
-    fn prefetch<I: Isa>(&self, leaf: u32);
+    /// Where what a visit of leaf `leaf` reads begins.
+    fn place(&self, leaf: u32) -> *const u8;
 }
 
 /// Walks what lies below `root` of `nodes`: front to back, or, where `ANY` hit will do, in the order of the children's
@@ -82,83 +82,50 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
     query: &mut Query<'_>,
     stack: &Waiting,
 ) -> bool {
+    let all = nodes.nodes.as_slice();
     let mut waiting = 0;
     let mut current = root;
     if nodes.bounds.is_empty() {
         return false;
     }
     loop {
-        if current & LEAF == 0 {
-            let node = &nodes.nodes[current as usize];
-            let opened = node.open::<I>(ray, time, query.limit);
-            let mut mask = opened.mask;
-            if mask != 0 {
-                let children = node.children();
-                let first = take(&mut mask);
-                if mask == 0 {
-                    current = children[first];
-                    continue;
-                }
-                announce::<I, _, _>(nodes, leaves, children[first]);
-                if ANY {
-                    while mask != 0 {
-                        let last = (31 - mask.leading_zeros()) as usize & 7;
-                        mask ^= 1 << last;
-                        stack[waiting].set(u64::from(children[last]));
-                        waiting += 1;
-                    }
-                    current = children[first];
-                    continue;
-                }
-                let key = |child: usize| u64::from(opened.near.0[child].to_bits()) << 32 | u64::from(children[child]);
-                let second = take(&mut mask);
-                announce::<I, _, _>(nodes, leaves, children[second]);
-                let (a, b) = sorted(key(first), key(second));
-                if mask == 0 {
-                    // Two are the most common.
-                    stack[waiting].set(b);
-                    waiting += 1;
-                    current = lower_half(a);
-                    continue;
-                }
-                let third = take(&mut mask);
-                announce::<I, _, _>(nodes, leaves, children[third]);
-                let (b, c) = sorted(b, key(third));
-                let (a, b) = sorted(a, b);
-                let from = waiting;
-                stack[waiting].set(c);
-                stack[waiting + 1].set(b);
-                if mask == 0 {
-                    waiting += 2;
-                    current = lower_half(a);
-                    continue;
-                }
-                stack[waiting + 2].set(a);
-                waiting += 3;
-                while mask != 0 {
-                    let more = take(&mut mask);
-                    announce::<I, _, _>(nodes, leaves, children[more]);
-                    insert(stack, from, waiting, key(more));
-                    waiting += 1;
-                }
-                waiting -= 1;
-                current = lower_half(stack[waiting].get());
+        // From node to node until a leaf is met: in here the query does not change and the ray stays in registers.
+        let limit = query.limit;
+        while current & LEAF == 0 {
+            let node = &all[current as usize];
+            let opened = node.open::<I>(ray, time, limit);
+            if opened.mask == 0 {
+                let Some(next) = resume::<ANY>(stack, &mut waiting, limit) else { return false };
+                current = next;
                 continue;
             }
-        } else if leaves.visit(current & !LEAF, query, &stack[waiting..]) {
+            let children = node.children();
+            let mut mask = opened.mask;
+            let first = take(&mut mask);
+            current = children[first];
+            if mask == 0 {
+                continue;
+            }
+            announce::<I, _, _>(all, leaves, current);
+            let room = stack[waiting..].first_chunk().expect("a walk's room was counted");
+            if ANY {
+                waiting += leave(mask, children, room);
+                continue;
+            }
+            let key = |child: usize| u64::from(opened.near.0[child].to_bits()) << 32 | u64::from(children[child]);
+            let announced = |child: usize| {
+                announce::<I, _, _>(all, leaves, children[child]);
+                key(child)
+            };
+            let (nearest, others) = leave_farther(key(first), mask, announced, room);
+            current = nearest;
+            waiting += others;
+        }
+        if leaves.visit(current & !LEAF, query, &stack[waiting..]) {
             return true;
         }
-        loop {
-            if waiting == 0 {
-                return false;
-            }
-            waiting -= 1;
-            let key = stack[waiting].get();
-            if ANY || f32::from_bits(lower_half(key >> 32)) <= query.limit {
-                current = lower_half(key);
-                break;
-            }
-        }
+        let Some(next) = resume::<ANY>(stack, &mut waiting, query.limit) else { return false };
+        current = next;
     }
 }
 
@@ -170,14 +137,63 @@ fn take(mask: &mut u32) -> usize {
     child
 }
 
+/// The next of the `waiting` that is met within `limit`.
+#[inline(always)]
+fn resume<const ANY: bool>(stack: &Waiting, waiting: &mut usize, limit: f32) -> Option<u32> {
+    while *waiting > 0 {
+        *waiting -= 1;
+        let key = stack[*waiting].get();
+        if ANY || f32::from_bits(lower_half(key >> 32)) <= limit {
+            return Some(lower_half(key));
+        }
+    }
+    None
+}
+
 /// Says that `child` may be visited soon.
 #[inline(always)]
-fn announce<I: Isa, N: WideNode, V: Visit>(nodes: &Nodes<N>, leaves: &V, child: u32) {
-    if child & LEAF == 0 {
-        I::prefetch(nodes.nodes.as_ptr().wrapping_add(child as usize));
-    } else {
-        leaves.prefetch::<I>(child & !LEAF);
+fn announce<I: Isa, N: WideNode, V: Visit>(nodes: &[N], leaves: &V, child: u32) {
+    let node = nodes.as_ptr().wrapping_add(child as usize);
+    I::prefetch(if child & LEAF == 0 { node } else { leaves.place(child & !LEAF).cast() });
+}
+
+/// Leaves the children in `mask` for later, the last of them first; how many.
+#[inline(always)]
+fn leave(mut mask: u32, children: &[u32; WIDTH], room: &[Cell<u64>; WIDTH]) -> usize {
+    let mut count = 0;
+    while mask != 0 {
+        let last = (31 - mask.leading_zeros()) as usize & 7;
+        mask ^= 1 << last;
+        room[count & 7].set(u64::from(children[last]));
+        count += 1;
     }
+    count
+}
+
+/// Of the children with `first` and those in `mask`, one at least, the nearest; the others are left for later, the
+/// farthest first. How many were left.
+#[inline(always)]
+fn leave_farther(first: u64, mut mask: u32, key: impl Fn(usize) -> u64, room: &[Cell<u64>; WIDTH]) -> (u32, usize) {
+    let (a, b) = sorted(first, key(take(&mut mask)));
+    if mask == 0 {
+        // Two are the most common.
+        room[0].set(b);
+        return (lower_half(a), 1);
+    }
+    let (b, c) = sorted(b, key(take(&mut mask)));
+    let (a, b) = sorted(a, b);
+    room[0].set(c);
+    room[1].set(b);
+    if mask == 0 {
+        return (lower_half(a), 2);
+    }
+    room[2].set(a);
+    let mut count = 3;
+    while mask != 0 {
+        insert(room, count, key(take(&mut mask)));
+        count += 1;
+    }
+    (lower_half(room[count - 1 & 7].get()), count - 1)
 }
 
 #[inline(always)]
@@ -192,15 +208,15 @@ fn sorted(a: u64, b: u64) -> (u64, u64) {
     (a.min(b), a.max(b))
 }
 
-/// Inserts `key` into the descending run `stack[from..to]`.
+/// Inserts `key` into the descending first `count` of `room`, fewer than all.
 #[inline(always)]
-fn insert(stack: &Waiting, from: usize, to: usize, key: u64) {
-    let mut at = to;
-    while at > from && stack[at - 1].get() < key {
-        stack[at].set(stack[at - 1].get());
+fn insert(room: &[Cell<u64>; WIDTH], count: usize, key: u64) {
+    let mut at = count;
+    while at > 0 && room[at - 1 & 7].get() < key {
+        room[at & 7].set(room[at - 1 & 7].get());
         at -= 1;
     }
-    stack[at].set(key);
+    room[at & 7].set(key);
 }
 
 /// The triangles of a tree as leaves.
@@ -231,8 +247,8 @@ impl<B: Block, const ANY: bool> Visit for Triangles<'_, B, ANY> {
     }
 
     #[inline(always)]
-    fn prefetch<I: Isa>(&self, leaf: u32) {
-        I::prefetch(self.blocks.as_ptr().wrapping_add(leaf as usize));
+    fn place(&self, leaf: u32) -> *const u8 {
+        self.blocks.as_ptr().wrapping_add(leaf as usize).cast()
     }
 }
 
