@@ -12,6 +12,7 @@ use graeco::study::cost::{Contender, Effort, Subject, study};
 use graeco::study::savings::savings;
 use graeco::trace::environment::Background;
 use shots::{load, settings};
+use std::process::Command;
 
 const DARK: Surroundings<'_> = Surroundings { background: Background::Black, name: String::new() };
 
@@ -117,12 +118,13 @@ fn a_forecast_counts_samples_and_measures_blur() {
 #[test]
 fn a_forecast_of_a_frame_that_stops_by_itself_counts_its_samples() {
     let scene = load("animations/pool.glb");
-    let asked = |goal| Settings {
-        adaptive: Some(Adaptive { goal, most_runs: 256, view: View::default() }),
+    let asked = |goal, exposure_ev| Settings {
+        adaptive: Some(Adaptive { goal, most_runs: 256, view: View { exposure_ev, ..View::default() } }),
         ..settings((40, 24), 8, 0)
     };
-    for goal in [Goal::Error(0.1), Goal::Passes(6)] {
-        let settings = asked(goal);
+    let mut counts = Vec::new();
+    for (goal, exposure_ev) in [(Goal::Error(0.1), 0.0), (Goal::Error(0.1), -3.0), (Goal::Passes(6), 0.0)] {
+        let settings = asked(goal, exposure_ev);
         let dark = DARK;
         let mut shot = Shot::new(&scene, &settings, &dark, "").unwrap();
         let design = shot.plan(12).unwrap().remove(0).1;
@@ -130,11 +132,30 @@ fn a_forecast_of_a_frame_that_stops_by_itself_counts_its_samples() {
         let (_, forecast) = shot.forecast(12, 1e4).unwrap();
         let frame = shot.render(12, &Progress::default()).unwrap().unwrap();
         assert_eq!(forecast.samples, frame.cost.samples, "{goal:?}");
+        counts.push(forecast.samples);
     }
+    assert!(counts[1] < counts[0], "a darker picture shows less noise: {counts:?}");
     let dark = DARK;
-    let settings = asked(Goal::Within(50.0));
+    let settings = asked(Goal::Within(50.0), 0.0);
     let (_, forecast) = Shot::new(&scene, &settings, &dark, "").unwrap().forecast(12, 0.01).unwrap();
     assert!((forecast.seconds() - 50.0).abs() < 1e-6, "{forecast:?}");
+}
+
+/// `graeco plan` takes the flags that say how the picture will be shown: `--error` is an error as it is seen.
+#[test]
+fn a_plan_knows_how_the_picture_will_be_shown() {
+    let plan = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_graeco"));
+        command.args(["plan", "scenes/hard_lights.glb", "--json", "--measure", "0", "--error", "2%"]);
+        let output = command.args(more).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let plan: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        plan["adaptive"]["view"].clone()
+    };
+    let view =
+        |transform: &str, exposure_ev: f64| serde_json::json!({ "transform": transform, "exposure_ev": exposure_ev });
+    assert_eq!(plan(&[]), view("standard", 0.0));
+    assert_eq!(plan(&["--view", "agx", "--exposure", "-1.5"]), view("agx", -1.5));
 }
 
 /// What effects cost is told from trials of the same blocks: errors that repeat exactly, and fall when effects go.

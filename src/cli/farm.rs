@@ -2,10 +2,11 @@
 
 use super::Cli;
 use super::adaptive_args::AdaptiveArgs;
-use super::shot_args::{OUTPUT, ShotArgs, TIME, not_negative, number, positive};
+use super::shot_args::{OUTPUT, ShotArgs, TIME, not_negative, positive};
+use super::view_args::ViewArgs;
 use clap::{Args, CommandFactory, Subcommand, ValueHint};
 use graeco::farm::{Cost, Division, Job, Needs, Slicing, Wish, openjd, slurm};
-use graeco::output::{Destination, Pattern, View, ViewTransform, file};
+use graeco::output::{Destination, Pattern, View, file};
 use graeco::render::{Forecast, FrameList, Shot};
 use graeco::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -26,13 +27,8 @@ pub(crate) enum FarmCommand {
 /// How finished frames are written: as `graeco render` has them.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct FinishArgs {
-    /// Brightens a PNG by this many stops
-    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true, value_parser = number, help_heading = OUTPUT)]
-    pub(crate) exposure: f64,
-
-    /// How a PNG shows scene light: standard (sRGB, clipped), agx, khronos-neutral
-    #[arg(long, value_name = "NAME", default_value = "standard", help_heading = OUTPUT)]
-    pub(crate) view: ViewTransform,
+    #[command(flatten)]
+    pub(crate) shown: ViewArgs,
 
     /// Bits a channel: 8 or 16 for PNG, half or float for EXR [default: 8, half]
     #[arg(long, value_name = "DEPTH", value_parser = ["8", "16", "half", "float"], help_heading = OUTPUT)]
@@ -41,13 +37,6 @@ pub(crate) struct FinishArgs {
     /// Write the two fields woven into one frame, or each for itself at half the height
     #[arg(long, value_name = "woven|separate", default_value = "woven", value_parser = ["woven", "separate"], help_heading = OUTPUT)]
     pub(crate) fields: String,
-}
-
-impl FinishArgs {
-    /// How a PNG shows scene light.
-    fn shown(&self) -> View {
-        View { transform: self.view, exposure_ev: self.exposure }
-    }
 }
 
 /// What every manager's job needs.
@@ -278,7 +267,7 @@ impl FarmArgs {
         const LOOKED_AT: usize = 5;
         self.shot.set_threads()?;
         let mut settings = self.shot.settings();
-        settings.adaptive = self.adaptive.adaptive(self.finish.shown());
+        settings.adaptive = self.adaptive.adaptive(self.finish.shown.over(View::default()));
         let started = Instant::now();
         let scene = self.shot.load()?;
         let environment = self.shot.environment()?;

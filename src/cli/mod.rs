@@ -28,6 +28,7 @@ mod study_motion;
 mod study_patterns;
 mod study_spectrum;
 mod study_texture;
+mod view_args;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;

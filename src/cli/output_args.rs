@@ -1,12 +1,12 @@
 //! Arguments that say how finished pictures are written: shared by `render` and `merge`.
 
-use super::shot_args::{OUTPUT, VIDEO, number};
+use super::shot_args::{OUTPUT, VIDEO};
+use super::view_args::ViewArgs;
 use clap::{Args, ValueHint};
 use graeco::output::part::OutputChoice;
 use graeco::output::video::{BitDepth, ChromaNotch, Sampling, YuvOptions};
 use graeco::output::{
     Cadence, Destination, Dither, ExrDepth, FieldFiles, FrameFormat, OutputTarget, PngDepth, PngOptions, View,
-    ViewTransform,
 };
 use graeco::time::Parity;
 use graeco::{Error, Result};
@@ -36,13 +36,8 @@ pub(crate) struct OutputArgs {
     #[arg(long, help_heading = VIDEO)]
     chroma_notch: bool,
 
-    /// Brightens a PNG by this many stops [default: 0]
-    #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = number, help_heading = OUTPUT)]
-    exposure: Option<f64>,
-
-    /// How a PNG shows scene light: standard (sRGB, clipped), agx, khronos-neutral [default: standard]
-    #[arg(long, value_name = "NAME", help_heading = OUTPUT)]
-    view: Option<ViewTransform>,
+    #[command(flatten)]
+    shown: ViewArgs,
 
     /// Bits a channel: 8 or 16 for PNG, half or float for EXR [default: 8, half]
     #[arg(long, value_name = "DEPTH", value_parser = ["8", "16", "half", "float"], help_heading = OUTPUT)]
@@ -57,9 +52,10 @@ impl OutputArgs {
 
     /// The flags, over what was chosen before them.
     pub(crate) fn over(&self, before: &OutputChoice) -> OutputChoice {
+        let View { transform, exposure_ev } = self.shown.over(view(before));
         OutputChoice {
-            view: self.view.unwrap_or(before.view),
-            exposure_ev: self.exposure.unwrap_or(before.exposure_ev),
+            view: transform,
+            exposure_ev,
             depth: self.depth.clone().or_else(|| before.depth.clone()),
             fields: self.fields.unwrap_or(before.fields),
             pulldown: before.pulldown,

@@ -2,6 +2,7 @@
 
 use super::adaptive_args::AdaptiveArgs;
 use super::shot_args::{ShotArgs, not_negative};
+use super::view_args::ViewArgs;
 use clap::Args;
 use graeco::Result;
 use graeco::design::{Design, Factor, PixelAddress};
@@ -19,6 +20,9 @@ pub(crate) struct PlanArgs {
 
     #[command(flatten)]
     pub(crate) adaptive: AdaptiveArgs,
+
+    #[command(flatten)]
+    pub(crate) shown: ViewArgs,
 
     /// Frame to plan for
     #[arg(long, value_name = "N", default_value_t = 0, allow_hyphen_values = true)]
@@ -55,7 +59,7 @@ struct Times {
 /// Plans; gives the text to print.
 pub(crate) fn run(args: &PlanArgs) -> Result<String> {
     let mut settings = args.shot.settings();
-    settings.adaptive = args.adaptive.adaptive(View::default());
+    settings.adaptive = args.adaptive.adaptive(args.shown.over(View::default()));
     args.shot.set_threads()?;
     let scene = args.shot.load()?;
     let environment = args.shot.environment()?;
