@@ -134,6 +134,8 @@ fn compare(scene: &Scene, stage: &Stage, rays: usize, dice: &mut Dice) -> usize 
     portable.kernel = Kernel::Portable;
     // And as a structure walks that is too deep for a thread's room.
     portable.waiting = ROOM + 1;
+    // Nor does a walk need more than was counted.
+    let room = vec![Cell::new(0); accel.waiting];
     let mut hits = 0;
     for _ in 0..rays {
         let ray = random_ray(dice);
@@ -141,6 +143,8 @@ fn compare(scene: &Scene, stage: &Stage, rays: usize, dice: &mut Dice) -> usize 
         assert_eq!(hit.map(|h| h.t.to_bits()), portable.closest(&ray, |_| true).map(|h| h.t.to_bits()));
         assert_eq!(hit, portable.closest(&ray, |_| true));
         assert_eq!(hit.is_some(), accel.occluded(&ray, |_| true));
+        assert_eq!(hit, accel.run_on::<false>(&ray, &|_| true, &room).1.map(|found| accel.hit(&found)));
+        assert_eq!(hit.is_some(), accel.run_on::<true>(&ray, &|_| true, &room).0);
         let (mut nearest, mut by) = (f64::INFINITY, String::new());
         for (i, instance) in stage.instances.iter().enumerate() {
             let mesh = &scene.meshes[stage.geometries[instance.geometry].mesh];
