@@ -28,7 +28,7 @@ pub(super) struct Shape {
     pub(super) leaves: Vec<[u32; BLOCK]>,
     /// Box of each leaf, smaller than that of its triangles where they were cut; empty for what moves.
     pub(super) boxes: Vec<Aabb>,
-    /// Most entries that a traversal's stack can hold.
+    /// Entries that a traversal's stack needs: what waits, and room for all children of the node that it is at.
     pub(super) stack: usize,
 }
 
