@@ -193,7 +193,7 @@ fn leave_farther(first: u64, mut mask: u32, key: impl Fn(usize) -> u64, room: &[
         insert(room, count, key(take(&mut mask)));
         count += 1;
     }
-    (lower_half(room[count - 1 & 7].get()), count - 1)
+    (lower_half(room[(count - 1) & 7].get()), count - 1)
 }
 
 #[inline(always)]
@@ -212,8 +212,8 @@ fn sorted(a: u64, b: u64) -> (u64, u64) {
 #[inline(always)]
 fn insert(room: &[Cell<u64>; WIDTH], count: usize, key: u64) {
     let mut at = count;
-    while at > 0 && room[at - 1 & 7].get() < key {
-        room[at & 7].set(room[at - 1 & 7].get());
+    while at > 0 && room[(at - 1) & 7].get() < key {
+        room[at & 7].set(room[(at - 1) & 7].get());
         at -= 1;
     }
     room[at & 7].set(key);
