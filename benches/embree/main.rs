@@ -219,6 +219,7 @@ fn main() {
     let repeats = value("repeats").and_then(|r| r.parse().ok()).unwrap_or(7);
     let threads = value("threads").and_then(|r| r.parse().ok()).unwrap_or(2);
     let only = value("only").unwrap_or_default();
+    let more = value("config").unwrap_or_default();
     let folder = tempfile::tempdir().unwrap();
     type Maker = fn() -> Case;
     let cases: [(&str, &str, Maker); 12] = [
@@ -237,7 +238,8 @@ fn main() {
     ];
     for (key, config, make) in cases {
         if only.is_empty() || only.split(',').any(|o| o == key) {
-            compare(&make(), program.as_deref(), config, folder.path(), repeats, threads);
+            let config = [config, &more].join(",");
+            compare(&make(), program.as_deref(), &config, folder.path(), repeats, threads);
         }
     }
 }
