@@ -106,18 +106,16 @@ pub(super) fn walk<I: Isa, N: WideNode, V: Visit, const ANY: bool>(
             if mask == 0 {
                 continue;
             }
-            announce::<I, _, _>(all, leaves, current);
             let room = stack[waiting..].first_chunk().expect("a walk's room was counted");
             if ANY {
-                waiting += leave(mask, children, room);
+                waiting += leave(mask, |child| announced::<I, _, _>(all, leaves, children[child]), room);
                 continue;
             }
-            let key = |child: usize| u64::from(opened.near.0[child].to_bits()) << 32 | u64::from(children[child]);
-            let announced = |child: usize| {
-                announce::<I, _, _>(all, leaves, children[child]);
-                key(child)
+            let key = |child: usize| {
+                let met = u64::from(opened.near.0[child].to_bits());
+                met << 32 | u64::from(announced::<I, _, _>(all, leaves, children[child]))
             };
-            let (nearest, others) = leave_farther(key(first), mask, announced, room);
+            let (nearest, others) = leave_farther(key(first), mask, key, room);
             current = nearest;
             waiting += others;
         }
@@ -150,21 +148,22 @@ fn resume<const ANY: bool>(stack: &Waiting, waiting: &mut usize, limit: f32) -> 
     None
 }
 
-/// Says that `child` may be visited soon.
+/// `child`, after saying that it may be visited soon.
 #[inline(always)]
-fn announce<I: Isa, N: WideNode, V: Visit>(nodes: &[N], leaves: &V, child: u32) {
+fn announced<I: Isa, N: WideNode, V: Visit>(nodes: &[N], leaves: &V, child: u32) -> u32 {
     let node = nodes.as_ptr().wrapping_add(child as usize);
     I::prefetch(if child & LEAF == 0 { node } else { leaves.place(child & !LEAF).cast() });
+    child
 }
 
 /// Leaves the children in `mask` for later, the last of them first; how many.
 #[inline(always)]
-fn leave(mut mask: u32, children: &[u32; WIDTH], room: &[Cell<u64>; WIDTH]) -> usize {
+fn leave(mut mask: u32, child: impl Fn(usize) -> u32, room: &[Cell<u64>; WIDTH]) -> usize {
     let mut count = 0;
     while mask != 0 {
         let last = (31 - mask.leading_zeros()) as usize & 7;
         mask ^= 1 << last;
-        room[count & 7].set(u64::from(children[last]));
+        room[count & 7].set(u64::from(child(last)));
         count += 1;
     }
     count
