@@ -163,7 +163,7 @@ mod avx2 {
         _mm256_fmadd_ps(plane, _mm256_set1_ps(inverse), _mm256_set1_ps(shift))
     }
 
-    /// As the portable twin: in pairs, since each comparison waits four cycles for the one before.
+    /// As the portable twin: in pairs, since each comparison waits for the one before.
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     #[inline]
     fn slabs(plane: impl Fn(Offset) -> __m256, ray: &RayFrame, limit: f32) -> Opened {

@@ -310,7 +310,7 @@ impl<I: Isa, const ANY: bool> Visit for Places<'_, I, ANY> {
             Form::Moving(deforming) => {
                 let (segment, f) = segment_at(&deforming.times, self.ray.u_time);
                 let tree = &deforming.segments[segment];
-                // What deforms stands in the world most often: skins put it there.
+                // Where it deforms in the world itself, the ray is ready.
                 let own;
                 let frame = if matches!(place.pose, Pose::World) {
                     self.frame
