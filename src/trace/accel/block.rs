@@ -160,7 +160,7 @@ const LOST: f32 = 1.0 / (1_u64 << 60) as f32;
 /// Tests the four triangles of `block` at fraction `time`; `mask` 0 nearly always.
 #[inline(always)]
 pub(super) fn test<B: Block>(block: &B, time: f32, ray: &RayFrame, limit: f32) -> LaneHits {
-    let [kx, ky, kz] = ray.k;
+    let [kx, ky, kz] = ray.k.map(|axis| axis as usize);
     let [sx, sy, sz] = ray.shear.map(Vec4::splat);
     let [ox, oy, oz] = ray.start.map(Vec4::splat);
     let sheared = |corner: usize| {
@@ -248,7 +248,7 @@ fn ahead(triangle: &[Vec3A; 3], ray: &RayFrame) -> bool {
 #[cold]
 #[allow(clippy::cast_possible_truncation, reason = "results are stored as f32")]
 fn exact(triangle: &[Vec3A; 3], ray: &RayFrame) -> Option<Candidate> {
-    let [kx, ky, kz] = ray.k;
+    let [kx, ky, kz] = ray.k.map(|axis| axis as usize);
     let [sx, sy, sz] = ray.shear;
     // Sheared in f32 as in `test`: both sides of an edge must see the same corners.
     let sheared = |p: Vec3A| {

@@ -3,6 +3,7 @@
 use super::linear::Aabb;
 use super::node::Offset;
 use crate::numeric::UNIT_ROUNDOFF;
+use Axis::{X, Y, Z};
 use glam::Vec3A;
 
 /// What the tests of one ray against boxes and triangles of one space share.
@@ -15,12 +16,12 @@ use glam::Vec3A;
 /// u|x| (subtraction of the origin), 4u|S z| (one in z, two in S, one in the product; |S| ≤ 1) and u(|x| + |z|) (the last
 /// subtraction): at most 2u|x| + 5u|z| + O(u²), so the triangle test sees vertices moved by less than
 /// 6u(max|x| + max|z|), maxima over the structure's bounds. Boxes widened by as much enclose the moved triangles; the
-/// widening is put on the origin, with 2u|origin| more for rounding the sum: `entry_origin`.
+/// widening is put on the origin, with 2u|origin| more for rounding the sum (5u are taken): `entry_origin`.
 ///
 /// A plane p is met at T = (p − O) / d, computed as p·r − c with r = 1/d and c = O·r rounded: in one rounding where the
 /// processor fuses both, in two elsewhere. The roundings of c and of the product are as if O were moved by u|O| and by
-/// u|p| ≤ u(|origin| + reach): O lies 2u(max|x| + max|z|) and 5u|origin| beyond `entry_origin`, which pays for them and for
-/// rounding both. What is left is relative, one rounding of r and one of the difference: near ≤ near*(1 + γ₂) and
+/// u|p| ≤ u(|origin| + reach): 2u(max|x| + max|z|) and 5u|origin| pay for them and for rounding both; O lies as far beyond
+/// `entry_origin` as that beyond the origin, which is more. What is left is relative, one rounding of r and one of the difference: near ≤ near*(1 + γ₂) and
 /// far ≥ far*(1 − γ₂) for exact near* ≤ far*. Scaling far by 1 + 2γ₂ makes near ≤ far certain (Ize 2013, *Robust BVH Ray
 /// Traversal*); `far_inverse` holds that factor, with 10u ≥ 2γ₂ + the factor's own roundings.
 ///
@@ -33,7 +34,7 @@ pub(super) struct RayFrame {
     /// The ray's direction.
     pub(super) direction: Vec3A,
     /// Axes in the order x', y', z' of the sheared space; winding is kept.
-    pub(super) k: [usize; 3],
+    pub(super) k: [Axis; 3],
     /// The direction's largest component, > 0.
     pub(super) speed: f32,
     /// The origin along x', y', z'.
@@ -51,7 +52,7 @@ pub(super) struct RayFrame {
     /// The same, a little larger.
     pub(super) far_inverse: Vec3A,
     /// Which plane of each axis is entered first, and which is left last.
-    pub(super) planes: PlaneOrder,
+    pub(super) planes: &'static PlaneOrder,
     /// Bit of each axis: set where the upper plane of a box is entered first.
     backward: usize,
 }
@@ -65,7 +66,7 @@ pub(super) struct PlaneOrder {
 
 impl PlaneOrder {
     /// By [`RayFrame::backward`]: a node need not work it out.
-    const ALL: [Self; 8] = {
+    const ALL: &[Self; 8] = &{
         let mut all = [Self { near: [Offset::of(0, 0); 3], far: [Offset::of(0, 0); 3] }; 8];
         let mut i = 0;
         while i < 24 {
@@ -88,37 +89,34 @@ impl RayFrame {
         // directions follow each other.
         let greater = Vec3A::new(size.x, size.x, size.y).cmpgt(Vec3A::new(size.y, size.z, size.z)).bitmask() as usize;
         let z = LARGEST[greater & 7];
-        let order = ORDERS[z & 3][direction.cmplt(Vec3A::ZERO).bitmask() as usize >> z & 1];
-        let [x, y, z] = order;
+        let [x, y, _] = ORDERS[z as usize][direction.is_negative_bitmask() as usize >> z as usize & 1];
         // As arrays: a vector's component of a number known late is found by branches.
         let (o, d) = (origin.to_array(), direction.to_array());
+        let along = |axis: Axis, v: &[f32; 3]| v[axis as usize];
         let reach = (bounds.lo - origin).abs().max((bounds.hi - origin).abs());
-        let (size_z, reach_z) = (d[z].abs(), Vec3A::splat(reach.to_array()[z]));
-        let pad = (reach + reach_z) * (6.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF);
-        let all = pad + (reach + reach_z) * (2.0 * UNIT_ROUNDOFF) + origin.abs() * (5.0 * UNIT_ROUNDOFF);
-        let least = Vec3A::splat(size_z * LEAST_COMPONENT);
-        let inverse = Vec3A::select(size.cmplt(least), least.copysign(direction), direction).recip();
-        // The largest component is never replaced.
-        let inverse_z = inverse.to_array()[z];
+        let (size_z, reach_z) = (along(z, &d).abs(), Vec3A::splat(along(z, &reach.to_array())));
+        let pad = (reach + reach_z) * (6.0 * UNIT_ROUNDOFF) + origin.abs() * (5.0 * UNIT_ROUNDOFF);
+        let inverse = size.max(Vec3A::splat(size_z * LEAST_COMPONENT)).copysign(direction).recip();
         let far_inverse = inverse * (1.0 + 10.0 * UNIT_ROUNDOFF);
-        // Not of the direction: -0.0 is not less than zero, but its reciprocal is.
-        let backward = inverse.cmplt(Vec3A::ZERO);
-        let upper_first = backward.bitmask() as usize & 7;
-        let outward = |pad: Vec3A| Vec3A::select(backward, -pad, pad);
+        // The largest component is never replaced.
+        let inverse_z = along(z, &inverse.to_array());
+        let backward = inverse.is_negative_bitmask() as usize & 7;
+        let outward = pad.copysign(inverse);
+        let farther = outward + outward;
         Self {
             origin,
             direction,
-            k: order,
+            k: [x, y, z],
             speed: size_z,
-            start: [o[x], o[y], o[z]],
-            shear: [d[x] * inverse_z, d[y] * inverse_z, inverse_z],
-            entry_origin: origin + outward(pad),
-            near_shift: -((origin + outward(all)) * inverse),
-            far_shift: -((origin - outward(all)) * far_inverse),
+            start: [x, y, z].map(|axis| along(axis, &o)),
+            shear: [along(x, &d) * inverse_z, along(y, &d) * inverse_z, inverse_z],
+            entry_origin: origin + outward,
+            near_shift: (-origin - farther) * inverse,
+            far_shift: (farther - origin) * far_inverse,
             near_inverse: inverse,
             far_inverse,
-            planes: PlaneOrder::ALL[upper_first],
-            backward: upper_first,
+            planes: &PlaneOrder::ALL[backward],
+            backward,
         }
     }
 
@@ -148,12 +146,20 @@ impl RayFrame {
     }
 }
 
-/// The largest component, by which of two is the greater: bit 0 of x and y, bit 1 of x and z, bit 2 of y and z.
-const LARGEST: [usize; 8] = [2, 2, 2, 0, 1, 2, 1, 0];
+/// A coordinate axis. An index into three numbers that needs no check.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub(super) enum Axis {
+    X,
+    Y,
+    Z,
+}
 
-/// The axes x', y', z' by the largest component (there is no fourth) and its sign.
-const ORDERS: [[[usize; 3]; 2]; 4] =
-    [[[1, 2, 0], [2, 1, 0]], [[2, 0, 1], [0, 2, 1]], [[0, 1, 2], [1, 0, 2]], [[0, 1, 2], [1, 0, 2]]];
+/// The largest component, by which of two is the greater: bit 0 of x and y, bit 1 of x and z, bit 2 of y and z.
+const LARGEST: [Axis; 8] = [Z, Z, Z, X, Y, Z, Y, X];
+
+/// The axes x', y', z' by the largest component and whether it is negative.
+const ORDERS: [[[Axis; 3]; 2]; 3] = [[[Y, Z, X], [Z, Y, X]], [[Z, X, Y], [X, Z, Y]], [[X, Y, Z], [Y, X, Z]]];
 
 /// The least component of a direction that boxes see, relative to its largest.
 const LEAST_COMPONENT: f32 = 1.0 / (1_u64 << 60) as f32;

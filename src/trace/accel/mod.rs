@@ -125,11 +125,17 @@ impl Kernel {
     }
 }
 
+/// [`top::search`] for any processor. Apart, so that its callers stay small where another is called.
+#[inline(never)]
+fn search_portable<const ANY: bool>(all: &Structures, ray: &Ray, query: &mut Query<'_>, stack: &Waiting) {
+    top::search::<isa::Portable, ANY>(all, ray, query, stack);
+}
+
 /// [`top::search`] compiled for processors with AVX2.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn search_avx2<const ANY: bool>(all: &Structures, ray: &Ray, query: &mut Query<'_>, stack: &Waiting) -> bool {
-    top::search::<isa::Avx2, ANY>(all, ray, query, stack)
+fn search_avx2<const ANY: bool>(all: &Structures, ray: &Ray, query: &mut Query<'_>, stack: &Waiting) {
+    top::search::<isa::Avx2, ANY>(all, ray, query, stack);
 }
 
 /// Entries that a thread has room for; what is deeper gets room of its own for each ray.
@@ -218,32 +224,27 @@ impl Accel {
     /// ([`Ray::backs`]).
     #[must_use]
     pub fn closest(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> Option<Hit> {
-        let (_, found) = self.run::<false>(ray, &|found| accept(&self.hit(found)));
-        found.map(|f| self.hit(&f))
+        self.run::<false>(ray, &|found| accept(&self.hit(found))).map(|found| self.hit(&found))
     }
 
     /// Whether anything accepted lies at 0 < t ≤ `ray.t_max`.
     #[must_use]
     pub fn occluded(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> bool {
-        self.run::<true>(ray, &|found| accept(&self.hit(found))).0
+        self.run::<true>(ray, &|found| accept(&self.hit(found))).is_some()
     }
 
     #[inline]
-    fn run<const ANY: bool>(&self, ray: &Ray, accept: &dyn Fn(&Found) -> bool) -> (bool, Option<Found>) {
+    fn run<const ANY: bool>(&self, ray: &Ray, accept: &dyn Fn(&Found) -> bool) -> Option<Found> {
         if self.waiting > ROOM {
             return self.run_on::<ANY>(ray, accept, &vec![Cell::new(0); self.waiting]);
         }
         WAITING.with(|waiting| self.run_on::<ANY>(ray, accept, waiting))
     }
 
+    /// The nearest hit, or any, with `waiting` as the room for what waits.
     #[inline]
     #[allow(unsafe_code, reason = "the only way to call code compiled for a processor feature found at run time")]
-    fn run_on<const ANY: bool>(
-        &self,
-        ray: &Ray,
-        accept: &dyn Fn(&Found) -> bool,
-        waiting: &Waiting,
-    ) -> (bool, Option<Found>) {
+    fn run_on<const ANY: bool>(&self, ray: &Ray, accept: &dyn Fn(&Found) -> bool, waiting: &Waiting) -> Option<Found> {
         let precedes = |a: &Found, b: &Found| {
             let (a, b) = (self.hit(a), self.hit(b));
             (a.instance, a.triangle) < (b.instance, b.triangle)
@@ -253,16 +254,16 @@ impl Accel {
             Backs::Stop => 0,
         };
         let mut query = Query { limit: ray.t_max, found: None, skips, accept, precedes: &precedes };
-        let stopped = match self.kernel {
-            Kernel::Portable => top::search::<isa::Portable, ANY>(&self.structures, ray, &mut query, waiting),
+        match self.kernel {
+            Kernel::Portable => search_portable::<ANY>(&self.structures, ray, &mut query, waiting),
             #[cfg(target_arch = "x86_64")]
             Kernel::Avx2 => {
                 debug_assert!(isa::Avx2::is_present());
                 // SAFETY: `Kernel::Avx2` is only made by `Kernel::detect`, after the processor was asked.
                 unsafe { search_avx2::<ANY>(&self.structures, ray, &mut query, waiting) }
             }
-        };
-        (stopped, query.found)
+        }
+        query.found
     }
 
     /// The hit by the stage's names.

@@ -143,8 +143,8 @@ fn compare(scene: &Scene, stage: &Stage, rays: usize, dice: &mut Dice) -> usize 
         assert_eq!(hit.map(|h| h.t.to_bits()), portable.closest(&ray, |_| true).map(|h| h.t.to_bits()));
         assert_eq!(hit, portable.closest(&ray, |_| true));
         assert_eq!(hit.is_some(), accel.occluded(&ray, |_| true));
-        assert_eq!(hit, accel.run_on::<false>(&ray, &|_| true, &room).1.map(|found| accel.hit(&found)));
-        assert_eq!(hit.is_some(), accel.run_on::<true>(&ray, &|_| true, &room).0);
+        assert_eq!(hit, accel.run_on::<false>(&ray, &|_| true, &room).map(|found| accel.hit(&found)));
+        assert_eq!(hit.is_some(), accel.run_on::<true>(&ray, &|_| true, &room).is_some());
         let (mut nearest, mut by) = (f64::INFINITY, String::new());
         for (i, instance) in stage.instances.iter().enumerate() {
             let mesh = &scene.meshes[stage.geometries[instance.geometry].mesh];
