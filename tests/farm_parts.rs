@@ -10,10 +10,10 @@
 mod shots;
 
 use graeco::output::part::{Opened, OutputChoice, PartWriter};
-use graeco::output::{FieldFiles, Picture, read};
+use graeco::output::{FieldFiles, Picture, View, read};
 use graeco::render::aovs::Aov;
 use graeco::render::merge::Missing;
-use graeco::render::{Collection, Progress, Scanning, Settings, Shot, Slice, pictures};
+use graeco::render::{Adaptive, Collection, Goal, Progress, Scanning, Settings, Shot, Slice, pictures};
 use graeco::scene::Scene;
 use graeco::time::Parity;
 use proptest::prelude::*;
@@ -116,6 +116,52 @@ fn any_division_gives_the_bits_of_one_machine_with_fields_filters_and_planes() {
 #[test]
 fn any_division_of_a_crop_gives_the_bits_of_one_machine() {
     divisions_equal_one_machine(&shots::load("animations/fan.glb"), &cropped(12), 4);
+}
+
+/// Pixels that stop by themselves, in tiles: of two fields, the last row of whose blocks has no line of the second, and of a
+/// crop that cuts blocks, which decide whole.
+#[test]
+fn tiles_whose_pixels_stop_by_themselves_give_the_bits_of_one_machine() {
+    let last_line_alone = Settings { crop: Some([0, 0, 50, 33]), ..fields(16) };
+    for (file, settings) in [("field", last_line_alone), ("fan", cropped(16))] {
+        let scene = shots::load(&format!("animations/{file}.glb"));
+        for goal in [Goal::Error(0.1), Goal::Passes(2), Goal::Passes(9)] {
+            let adaptive = Some(Adaptive { goal, most_runs: 256, view: View::default() });
+            let settings = Settings { adaptive, ..settings.clone() };
+            let surroundings = shots::dark();
+            let whole = single(&mut Shot::new(&scene, &settings, &surroundings, "").unwrap());
+            for tiles in [1, 3] {
+                let folder = tempfile::tempdir().unwrap();
+                let parts = (1..=tiles).map(|tile| {
+                    let mut shot = Shot::new(&scene, &settings, &surroundings, "").unwrap();
+                    let path = folder.path().join(format!("{tile}.part"));
+                    render_part(&mut shot, FRAME, &slice(&format!("{tile}/{tiles}"), None), &path);
+                    path
+                });
+                assert_eq!(bits(&merged(parts.collect())), bits(&whole), "{file}, {goal:?}, {tiles} tiles");
+            }
+        }
+    }
+}
+
+/// What only the whole picture knows, and runs of pixels that have no fixed number of them, are refused in a sentence.
+#[test]
+fn parts_of_what_the_whole_picture_decides_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let part = folder.path().join("a.part");
+    let refused = |flags: &str, reason: &str| {
+        let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("animations/field.glb");
+        let (scene, part) = (scene.to_str().unwrap().to_owned(), part.to_str().unwrap().to_owned());
+        let fixed = ["render".to_owned(), scene, "-o".into(), part, "--frames".into(), "3".into()];
+        let run = graeco(&fixed, &format!("--size 50x36 {flags}"));
+        let said = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(run.status.code() == Some(2) && said.lines().count() == 1 && said.contains(reason), "{flags}: {said}");
+    };
+    for flags in ["--within 1s", "--until 5%", "--mean-runs 32"] {
+        refused(flags, &format!("{} with a part of a frame", flags.split(' ').next().unwrap()));
+    }
+    refused("--error 10% --run-range 0-3", "--run-range 0-3: pixels that stop by themselves");
+    assert!(!part.exists());
 }
 
 /// What the program is called with to render the small scene.

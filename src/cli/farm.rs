@@ -190,19 +190,13 @@ impl FarmArgs {
     /// The job, and sentences about it.
     fn job(&self) -> Result<(Job, String)> {
         let pictures = self.pattern()?;
-        let stops_by_itself = self.stops_by_itself();
-        if let Some(parts) = self.parts.filter(|&parts| parts > 1 && stops_by_itself) {
-            return Err(Error::invalid(
-                format!("--parts {parts}"),
-                "a frame that is sampled until it is accurate, or for a time, stays whole; expected --runs, or 1 part",
-            ));
-        }
+        let stays_whole = self.check_split()?;
         let probe = self.probe()?;
         pictures.validate_for(probe.frames.len())?;
         let wish = Wish {
             task_s: self.task_minutes * 60.0,
             slicing: self.split,
-            parts: if stops_by_itself { Some(1) } else { self.parts },
+            parts: if stays_whole { Some(1) } else { self.parts },
             frames_per_task: self.frames_per_task.map(|n| n as usize),
             most_parts: match self.split {
                 Slicing::Tiles => MOST_TILES,
@@ -232,6 +226,21 @@ impl FarmArgs {
         };
         let report = self.report(&job, &probe);
         Ok((job, report))
+    }
+
+    /// Whether frames must stay whole, since only all of a picture tells when to stop.
+    fn check_split(&self) -> Result<bool> {
+        let Some(adaptive) = self.adaptive.adaptive(View::default()) else { return Ok(false) };
+        if self.split == Slicing::Runs {
+            return Err(Error::invalid(
+                "--split runs",
+                "pixels that stop by themselves have no runs to be shared out; expected --split tiles",
+            ));
+        }
+        if self.parts.is_some_and(|parts| parts > 1) {
+            adaptive.check_parts()?;
+        }
+        Ok(!adaptive.is_by_block())
     }
 
     /// Whether sampling ends when it is accurate enough, or its time is up.

@@ -112,11 +112,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     refuse_slices_of_pictures(args, &destination)?;
     let mut settings = args.shot.settings();
     settings.adaptive = args.adaptive.adaptive(super::output_args::view(&choice));
-    if settings.adaptive.is_some() && matches!(destination, Destination::Parts(_)) {
-        return Err(Error::invalid(
-            "--error, --mean-runs, --within, --until, --passes",
-            "a part file holds the sums of a fixed number of runs; expected --runs, or pictures as the output",
-        ));
+    if let (Some(adaptive), Destination::Parts(_)) = (&settings.adaptive, &destination) {
+        adaptive.check_parts()?;
     }
     args.shot.set_threads()?;
     let started = Instant::now();

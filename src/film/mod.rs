@@ -23,5 +23,6 @@ pub use filter::Filter;
 pub use footprint::{Footprint, Lines, Scan};
 pub use kernel::{FilterSpec, Kernel};
 pub use packed::Layout;
+pub(crate) use packed::{Unpacked, pack_estimates};
 pub use replicates::{REPLICATES, Replicates, STUDENT_T};
 pub use shutter::{MOST_KNOTS, ShutterCurve};

@@ -3,11 +3,12 @@
 //! The estimate of a design of N runs needs the quarters of N's maximal aligned blocks. A smaller block, of a machine
 //! that had a slice of the runs, is a quarter or half of such a block, or a part of a quarter: it is stored as so many
 //! parts, often as one. Halves and totals follow from quarters by the very additions that made them. Filter weights are
-//! left out where all are 1, counts where no run was rejected, second moments where enough runs make them unused.
+//! left out where all are 1, counts where no run was rejected, second moments where enough runs make them unused. Pixels
+//! that stopped by themselves have all their runs in one part: of them the estimates are kept.
 
-use super::accumulate::{ENOUGH, Moments, Part, PixelAccumulator, Sums};
+use super::accumulate::{ENOUGH, Moments, Part, PixelAccumulator, PixelEstimate, Sums};
 use super::aligned::{Block, aligned_blocks};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::ops::Range;
 
 /// All filter weights are 1: sums of weights are counts, weighted sums are plain ones.
@@ -85,6 +86,74 @@ impl Layout {
         }
         Some(rest)
     }
+}
+
+/// Appends estimates as they are: for pixels whose runs were not a fixed number, and which no other part adds to.
+pub(crate) fn pack_estimates(pixels: &[PixelEstimate], out: &mut Vec<u8>) {
+    for pixel in pixels {
+        for value in [pixel.radiance, pixel.variance].iter().flat_map(|v| v.to_array()) {
+            out.extend_from_slice(&value.to_le_bytes());
+        }
+        out.extend_from_slice(&pixel.runs.to_le_bytes());
+        out.extend_from_slice(&pixel.rejected.to_le_bytes());
+    }
+}
+
+/// A block's pixels as parts are read one after another.
+#[derive(Debug)]
+pub(crate) enum Unpacked {
+    /// Of a fixed number of runs: their sums.
+    Sums(Vec<PixelAccumulator>),
+    /// Those that stopped by themselves: what they came to.
+    Settled(Vec<PixelEstimate>),
+}
+
+impl Default for Unpacked {
+    fn default() -> Self {
+        Self::Sums(Vec::new())
+    }
+}
+
+impl Unpacked {
+    /// Begins anew with `count` pixels without runs.
+    pub(crate) fn begin(&mut self, count: usize, is_settled: bool) {
+        match self {
+            Self::Sums(pixels) if !is_settled => {
+                pixels.iter_mut().for_each(|sums| sums.reset(0));
+                pixels.resize_with(count, PixelAccumulator::default);
+            }
+            _ if is_settled => *self = Self::Settled(vec![PixelEstimate::default(); count]),
+            _ => *self = Self::Sums(vec![PixelAccumulator::default(); count]),
+        }
+    }
+
+    /// Adds what a part of `layout` says of the pixels, and gives what follows it; `None` if `bytes` are too short.
+    pub(crate) fn unpack<'b>(&mut self, bytes: &'b [u8], layout: &Layout) -> Option<&'b [u8]> {
+        match self {
+            Self::Sums(pixels) => layout.unpack(bytes, pixels),
+            Self::Settled(pixels) => unpack_estimates(bytes, pixels),
+        }
+    }
+
+    /// What the pixels come to.
+    pub(crate) fn estimates(&self) -> Vec<PixelEstimate> {
+        match self {
+            Self::Sums(pixels) => pixels.iter().map(PixelAccumulator::estimate).collect(),
+            Self::Settled(pixels) => pixels.clone(),
+        }
+    }
+}
+
+/// Reads what [`pack_estimates`] wrote into as many `pixels`, and gives what follows it; `None` if `bytes` are too short.
+fn unpack_estimates<'b>(bytes: &'b [u8], pixels: &mut [PixelEstimate]) -> Option<&'b [u8]> {
+    let mut rest = bytes;
+    for pixel in pixels {
+        let mut value = || take(&mut rest).map(f32::from_le_bytes);
+        let radiance = Vec3::new(value()?, value()?, value()?);
+        let variance = Vec3::new(value()?, value()?, value()?);
+        *pixel = PixelEstimate { radiance, variance, runs: take_u32(&mut rest)?, rejected: take_u32(&mut rest)? };
+    }
+    Some(rest)
 }
 
 fn same_bits(a: DVec3, b: DVec3) -> bool {
@@ -181,7 +250,6 @@ fn take_sums(bytes: &mut &[u8], level: u32, parts: u8, flags: u8) -> Option<Sums
 mod tests {
     use super::*;
     use crate::numeric;
-    use glam::Vec3;
     use proptest::prelude::*;
 
     fn pixel(runs: Range<u32>, key: u64, weights: &[f32], rejects: bool) -> PixelAccumulator {
@@ -195,6 +263,20 @@ mod tests {
             sum.add(radiance, weights[(bits >> 40) as usize % weights.len()]);
         }
         sum
+    }
+
+    #[test]
+    fn estimates_come_back_as_they_were() {
+        let some = pixel(0..40, 3, &[1.4, 0.6], true).estimate();
+        let pixels = [some, PixelEstimate::default(), PixelEstimate { variance: Vec3::INFINITY, runs: 1, ..some }];
+        let mut bytes = Vec::new();
+        pack_estimates(&pixels, &mut bytes);
+        let end = bytes.len();
+        bytes.push(7);
+        let mut back = [PixelEstimate::default(); 3];
+        assert_eq!(unpack_estimates(&bytes, &mut back), Some(&[7_u8][..]));
+        assert_eq!(back, pixels);
+        assert_eq!(unpack_estimates(&bytes[..end - 1], &mut back), None);
     }
 
     proptest! {

@@ -6,11 +6,12 @@
 
 use super::aovs::{self, ObservedSums};
 use super::coverage::{Extent, Section, cover, describe};
+use super::adaptive::{Adaptive, Goal};
 use super::settings::Settings;
 use super::shot::{Frame, FrameCost};
 use super::{Progress, frames::FrameList};
 use crate::film::blocks::pixels;
-use crate::film::{Blocks, Film, Layout, Lines, PixelAccumulator};
+use crate::film::{Blocks, Film, Layout, Lines, Unpacked};
 use crate::output::part::{Header, PartFile, Totals};
 use crate::time::Exposure;
 use crate::{Error, Result};
@@ -235,7 +236,10 @@ impl Collection {
             }
         }
         let notes = strip.notes;
-        let cost = cost_of(entries, film.rejected());
+        let mut cost = cost_of(entries, film.rejected());
+        if let Some(Adaptive { goal: Goal::Passes(passes), .. }) = self.settings.adaptive {
+            cost.passes = Some(passes);
+        }
         let planes = aovs::planes(&observed, &self.settings.aovs);
         let bytes = entries.iter().map(|entry| entry.bytes).sum();
         let frame = Frame { film, planes, exposure, cost, is_partial: !notes.is_empty() };
@@ -378,10 +382,10 @@ impl<'s> OpenParts<'s> {
     }
 }
 
-/// Sums of one block's pixels.
+/// One block's pixels.
 #[derive(Debug, Default)]
 struct BlockState {
-    sums: Vec<PixelAccumulator>,
+    pixels: Unpacked,
     observed: Vec<ObservedSums>,
 }
 
@@ -401,8 +405,7 @@ impl Strip<'_> {
         self.states.resize_with(row.len(), BlockState::default);
         for (state, block) in self.states.iter_mut().zip(row.clone()) {
             let area = pixels(blocks.window(block), lines).count();
-            state.sums.iter_mut().for_each(|sums| sums.reset(0));
-            state.sums.resize_with(area, PixelAccumulator::default);
+            state.pixels.begin(area, self.collection.settings.adaptive.is_some());
             state.observed.clear();
             state.observed.resize_with(if self.observes { area } else { 0 }, ObservedSums::default);
         }
@@ -411,8 +414,7 @@ impl Strip<'_> {
             let read = parts.with(index, |(file, layout)| {
                 let read_one = |buffer: &mut Vec<u8>, (state, block): (&mut BlockState, u32)| {
                     let payload = file.record(block, pass, buffer)?;
-                    let rest = layout.unpack(payload, &mut state.sums);
-                    let rest = rest.and_then(|rest| {
+                    let rest = state.pixels.unpack(payload, layout).and_then(|rest| {
                         if state.observed.is_empty() {
                             return Some(rest);
                         }
@@ -451,8 +453,7 @@ impl Strip<'_> {
     ) {
         let blocks = Blocks::new(self.collection.lead.window);
         let window = film.window();
-        let estimates: Vec<Vec<_>> =
-            self.states.par_iter().map(|state| state.sums.iter().map(PixelAccumulator::estimate).collect()).collect();
+        let estimates: Vec<Vec<_>> = self.states.par_iter().map(|state| state.pixels.estimates()).collect();
         let stored = film.pixels_mut();
         for ((block, estimates), state) in row.clone().zip(estimates).zip(&self.states) {
             progress.advance(estimates.len() as u64, 0);

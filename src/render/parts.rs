@@ -1,11 +1,13 @@
 //! Parts of frames: which blocks and which runs of the design, rendered into part files.
 
 use super::integrate::sum_tile;
+use super::adaptive::{self, Settler};
 use super::shot::{Exposed, FrameCost, Shot};
 use super::{Progress, aovs};
-use crate::film::{Blocks, Layout, PixelAccumulator};
+use crate::film::{Blocks, Layout, PixelAccumulator, Window, pack_estimates};
 use crate::output::part::{Header, OutputChoice, PartCost, PartWriter, Totals};
 use crate::trace::aov::Observer;
+use crate::trace::path::PathTracer;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::fmt;
@@ -97,10 +99,20 @@ impl Shot<'_> {
     /// What the part `slice` of frame `frame` says of itself.
     ///
     /// # Errors
-    /// If the slice is not one of this shot's design, or the scanning's values are out of range.
+    /// If the slice is not one of this shot's design, the scanning's values are out of range, or what stops sampling is
+    /// known of the whole picture only.
     pub fn part_header(&self, frame: i64, slice: &Slice, output: &OutputChoice) -> Result<Header> {
         let passes = self.passes(frame)?;
         let settings = self.settings();
+        if let Some(adaptive) = &settings.adaptive {
+            adaptive.check_parts()?;
+            if let Some(RunRange { first, last }) = slice.runs {
+                return Err(Error::invalid(
+                    format!("--run-range {first}-{last}"),
+                    "pixels that stop by themselves have no runs to be shared out; expected --tile",
+                ));
+            }
+        }
         let total_runs = settings.sampling.runs;
         let runs = slice.runs(total_runs)?;
         let window = self.window();
@@ -159,12 +171,15 @@ impl Shot<'_> {
                 continue;
             }
             let part = PassOfPart { header: &header, number, journal: &journal, progress };
-            let aovs = self.settings().aovs.clone();
+            let (aovs, adaptive) = (self.settings().aovs.clone(), self.settings().adaptive);
+            let sampling = self.settings().sampling;
             let complete = self.expose(pass, &mut cost, |exposed| {
+                let drawn = (&sampling, exposed.design.factors());
+                let settler = adaptive.map(|adaptive| Settler::new(exposed.tracer, drawn, &adaptive, &exposed.job));
                 if aovs.iter().any(|aov| aov.is_observed()) {
-                    exposed.observe(|observer| part.render(exposed, &left, Some((observer, &aovs))))
+                    exposed.observe(|observer| part.render(exposed, &left, settler.as_ref(), Some((observer, &aovs))))
                 } else {
-                    part.render(exposed, &left, None)
+                    part.render(exposed, &left, settler.as_ref(), None)
                 }
             })?;
             if !complete {
@@ -187,48 +202,77 @@ struct PassOfPart<'p> {
     progress: &'p Progress,
 }
 
+/// Samples pixels that stop by themselves.
+type Settling<'f, 'a> = Settler<'f, PathTracer<'a>>;
+
 impl PassOfPart<'_> {
     /// Renders `left` in parallel; `false` if cancelled. The first error ends the others' work.
     fn render(
         &self,
         exposed: &Exposed<'_, '_>,
         left: &[u32],
+        settler: Option<&Settling<'_, '_>>,
         observer: Option<(&Observer<'_>, &[aovs::Aov])>,
     ) -> Result<bool> {
         let layout = Layout::new(self.header.runs.0..self.header.runs.1, self.header.total_runs);
+        // Whole ones decide, whatever of them the window shows.
+        let whole = adaptive::grid(self.header.window, Window::whole(self.header.size.0, self.header.size.1));
         left.par_iter().try_for_each(|&block| {
             if self.progress.is_cancelled() {
                 return Ok(());
             }
-            self.render_block(exposed, block, &layout, observer)
+            let (started, mut payload) = (Instant::now(), Vec::new());
+            let samples = match settler {
+                None => Some(self.sum_block(exposed, block, &layout, &mut payload)),
+                Some(settler) => self.settle_block(settler, block, whole[block as usize], &mut payload),
+            };
+            // None: cancelled.
+            let Some(samples) = samples else { return Ok(()) };
+            if let Some((observer, wanted)) = observer {
+                let (window, runs) = (self.window(block), self.header.runs.0..self.header.runs.1);
+                let observed = aovs::observe_tile(observer, exposed.design, &exposed.job, window, &runs);
+                aovs::pack(&observed, wanted, &mut payload);
+            }
+            let shown = crate::film::blocks::pixels(self.window(block), exposed.job.lines).count() as u64;
+            self.keep(block, started, (shown, samples), &payload)
         })?;
         Ok(!self.progress.is_cancelled())
     }
 
-    fn render_block(
-        &self,
-        exposed: &Exposed<'_, '_>,
-        block: u32,
-        layout: &Layout,
-        observer: Option<(&Observer<'_>, &[aovs::Aov])>,
-    ) -> Result<()> {
-        let started = Instant::now();
-        let runs = self.header.runs.0..self.header.runs.1;
-        let window = Blocks::new(self.header.window).window(block);
+    fn window(&self, block: u32) -> Window {
+        Blocks::new(self.header.window).window(block)
+    }
+
+    /// Appends the sums of a block's pixels to `payload`; samples taken.
+    fn sum_block(&self, exposed: &Exposed<'_, '_>, block: u32, layout: &Layout, payload: &mut Vec<u8>) -> u64 {
+        let (window, runs) = (self.window(block), self.header.runs.0..self.header.runs.1);
         let mut sums: Vec<PixelAccumulator> = Vec::with_capacity(window.area());
-        let samples = sum_tile(exposed.tracer, exposed.design, &exposed.job, window, runs.clone(), |sum| {
-            sums.push(sum.clone());
-        });
-        let mut payload = Vec::new();
-        layout.pack(&sums, &mut payload);
-        if let Some((observer, wanted)) = observer {
-            let observed = aovs::observe_tile(observer, exposed.design, &exposed.job, window, &runs);
-            aovs::pack(&observed, wanted, &mut payload);
-        }
+        let samples =
+            sum_tile(exposed.tracer, exposed.design, &exposed.job, window, runs, |sum| sums.push(sum.clone()));
+        layout.pack(&sums, payload);
+        samples
+    }
+
+    /// Appends what the pixels of a block came to that stand in the picture's block `whole`; samples taken, `None` if
+    /// cancelled.
+    fn settle_block(
+        &self,
+        settler: &Settling<'_, '_>,
+        block: u32,
+        whole: Window,
+        payload: &mut Vec<u8>,
+    ) -> Option<u64> {
+        let settled = settler.settle(whole, self.progress)?;
+        pack_estimates(&settled.estimates(self.window(block)), payload);
+        Some(settled.samples())
+    }
+
+    /// Writes a block's record, which took `samples` for `pixels`.
+    fn keep(&self, block: u32, started: Instant, (pixels, samples): (u64, u64), payload: &[u8]) -> Result<()> {
         let nanoseconds = u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        let rays = self.progress.advance(sums.len() as u64, samples);
+        let rays = self.progress.advance(pixels, samples);
         let cost = PartCost { samples, rays, nanoseconds };
-        self.journal.lock().unwrap_or_else(PoisonError::into_inner).append(block, self.number, cost, &payload)
+        self.journal.lock().unwrap_or_else(PoisonError::into_inner).append(block, self.number, cost, payload)
     }
 }
 

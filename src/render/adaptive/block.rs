@@ -10,7 +10,7 @@ use crate::trace::ImageFunction;
 use std::time::Instant;
 
 /// The blocks of a picture that share a pixel with `window`: whole ones, which decide alike whatever the window is.
-pub(super) fn grid(window: Window, picture: Window) -> Vec<Window> {
+pub(in crate::render) fn grid(window: Window, picture: Window) -> Vec<Window> {
     Blocks::new(picture).windows().filter(|block| block.overlaps(window)).collect()
 }
 
@@ -138,7 +138,7 @@ const USUAL_TWINS: f64 = 8.0;
 
 /// One block, as far as it is.
 #[derive(Debug)]
-pub(super) struct Block {
+pub(in crate::render) struct Block {
     window: Window,
     rows: Vec<u32>,
     pixels: Vec<Pixel>,
@@ -320,7 +320,7 @@ impl Block {
     }
 
     /// Runs of all its pixels.
-    pub(super) fn samples(&self) -> u64 {
+    pub(in crate::render) fn samples(&self) -> u64 {
         self.pixels.iter().map(|pixel| u64::from(pixel.all_runs())).sum()
     }
 
@@ -337,6 +337,12 @@ impl Block {
     fn places(&self) -> impl Iterator<Item = (u32, u32)> {
         let columns = self.window.x..self.window.x + self.window.width;
         self.rows.iter().flat_map(move |&y| columns.clone().map(move |x| (x, y)))
+    }
+
+    /// Estimates of the pixels that `window` shows, row by row.
+    pub(in crate::render) fn estimates(&self, window: Window) -> Vec<PixelEstimate> {
+        let shown = self.places().zip(&self.pixels).filter(|((x, y), _)| window.index(*x, *y).is_some());
+        shown.map(|(_, pixel)| self.estimate(pixel)).collect()
     }
 
     /// Puts the estimates into `film` where it shows them.

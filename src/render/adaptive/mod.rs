@@ -30,11 +30,12 @@ pub use visibility::Visibility;
 use super::Progress;
 use super::integrate::Pass;
 use crate::design::{DesignOptions, Dither, Factor, Kind, Mask};
-use crate::film::{Film, REPLICATES, Window};
+use crate::film::{Film, Lines, REPLICATES, Window};
 use crate::output::View;
 use crate::trace::ImageFunction;
 use crate::{Error, Result};
 use block::{Block, Rule};
+pub(super) use block::grid;
 use rayon::prelude::*;
 use sampler::{QUARTERS, Sampler};
 use serde::{Deserialize, Serialize};
@@ -91,18 +92,44 @@ impl Adaptive {
         }
     }
 
-    /// Checks it together with the design that was asked for.
+    /// Whether each block of the picture reaches the goal by itself, so that blocks may be sampled apart.
+    #[must_use]
+    pub fn is_by_block(&self) -> bool {
+        matches!(self.goal, Goal::Error(_) | Goal::Passes(_))
+    }
+
+    /// Checks that parts of a frame can be sampled so.
     ///
     /// # Errors
-    /// If a number is out of range, or the design cannot grow run by run.
-    pub fn check(&self, kind: Kind, dither: Dither) -> Result<()> {
-        let (flag, value) = match self.goal {
+    /// If the goal is one of the whole picture.
+    pub fn check_parts(&self) -> Result<()> {
+        if self.is_by_block() {
+            return Ok(());
+        }
+        Err(Error::invalid(
+            format!("{} with a part of a frame", self.flag().0),
+            "only the whole picture tells when to stop; expected --runs, --error, or --passes with the number that a \
+             whole frame came to",
+        ))
+    }
+
+    /// The goal's flag and its value.
+    fn flag(&self) -> (&'static str, f64) {
+        match self.goal {
             Goal::Error(e) => ("--error", e),
             Goal::Within(s) => ("--within", s),
             Goal::Until(e) => ("--until", e),
             Goal::Passes(p) => ("--passes", f64::from(p)),
             Goal::Mean(runs) => ("--mean-runs", f64::from(runs)),
-        };
+        }
+    }
+
+    /// Checks it together with the design that was asked for.
+    ///
+    /// # Errors
+    /// If a number is out of range, or the design cannot grow run by run.
+    pub fn check(&self, kind: Kind, dither: Dither) -> Result<()> {
+        let (flag, value) = self.flag();
         if !(value.is_finite() && value > 0.0) {
             return Err(Error::invalid(format!("{flag} {value}"), "expected a number above 0"));
         }
@@ -151,32 +178,88 @@ pub(super) fn integrate(
     deadline: Option<Instant>,
     progress: &Progress,
 ) -> Option<u32> {
-    let sampler = Sampler::new(function, options, factors, adaptive, pass);
     let (width, height) = film.size();
-    let grid = block::grid(film.window(), Window::whole(width, height));
-    match adaptive.goal {
-        Goal::Error(tolerance) => {
-            let rule = Rule::visible(tolerance, Visibility::new(adaptive.view));
-            let done: Option<Vec<Block>> = grid
-                .par_iter()
-                .map(|&window| {
-                    let mut block = Block::new(window, pass.lines).with_twins();
-                    let samples = block.settle(&sampler, &rule, progress)?;
-                    progress.advance(block.pixels_in(film.window()), samples);
-                    Some(block)
-                })
-                .collect();
-            done?.iter().for_each(|block| block.store(film));
-            Some(0)
+    let grid = grid(film.window(), Window::whole(width, height));
+    let settler = Settler::new(function, (options, factors), adaptive, pass);
+    if adaptive.is_by_block() {
+        let settled = |&window: &Window| {
+            let block = settler.settle(window, progress)?;
+            progress.advance(block.pixels_in(film.window()), block.samples());
+            Some(block)
+        };
+        let done: Option<Vec<Block>> = grid.par_iter().map(settled).collect();
+        done?.iter().for_each(|block| block.store(film));
+        return Some(settler.passes());
+    }
+    let blocks = grid.iter().map(|&window| Block::new(window, pass.lines)).collect();
+    let mut passes = Passes { blocks, sampler: &settler.sampler, goal: adaptive.goal, deadline, progress };
+    let made = passes.run(film.window())?;
+    progress.advance(passes.blocks.iter().map(|b| b.pixels_in(film.window())).sum(), 0);
+    passes.blocks.iter().for_each(|block| block.store(film));
+    Some(made)
+}
+
+/// What the `number`-th pass (from 0) asks for: 4, 8, 16 runs everywhere, then runs where they lower the picture's relative
+/// error most. A run more lowers a squared error V by V/n; passes ask V/n below a bound that falls by 2^¼ each time, so
+/// that a pass adds about a tenth of the samples so far.
+fn pass_rule(number: u32) -> Rule {
+    match number {
+        0..=2 => Rule::Runs(4 << number),
+        _ => Rule::Relative(libm::exp2(-4.0 - 0.25 * f64::from(number - 2))),
+    }
+}
+
+/// The pass that nothing can stop before: those before it ask for fewer runs, and need not be made one by one.
+fn first_pass(goal: Goal) -> u32 {
+    match goal {
+        Goal::Within(_) => 0,
+        Goal::Until(_) | Goal::Error(_) => 2,
+        Goal::Mean(runs) => (runs / 4).clamp(1, 4).ilog2(),
+        Goal::Passes(passes) => passes.clamp(1, 3) - 1,
+    }
+}
+
+/// Samples blocks one by one, for goals that each [reaches by itself](Adaptive::is_by_block).
+pub(super) struct Settler<'a, F: ImageFunction> {
+    sampler: Sampler<'a, F>,
+    goal: Goal,
+    /// What is asked of a block, one after another.
+    rules: Vec<Rule>,
+    lines: Lines,
+}
+
+impl<'a, F: ImageFunction> Settler<'a, F> {
+    /// For the pass's lines.
+    pub(super) fn new(
+        function: &'a F,
+        (options, factors): (&DesignOptions, &[Factor]),
+        adaptive: &Adaptive,
+        pass: &'a Pass<'a>,
+    ) -> Self {
+        let sampler = Sampler::new(function, options, factors, adaptive, pass);
+        let rules = match adaptive.goal {
+            Goal::Error(tolerance) => vec![Rule::visible(tolerance, Visibility::new(adaptive.view))],
+            Goal::Passes(passes) => (first_pass(adaptive.goal)..passes).map(pass_rule).collect(),
+            Goal::Within(_) | Goal::Until(_) | Goal::Mean(_) => Vec::new(),
+        };
+        Self { sampler, goal: adaptive.goal, rules, lines: pass.lines }
+    }
+
+    /// The block of the picture at `window` as the whole picture shows it; `None` if `progress` was cancelled.
+    pub(super) fn settle(&self, window: Window, progress: &Progress) -> Option<Block> {
+        let mut block = Block::new(window, self.lines);
+        if let Goal::Error(_) = self.goal {
+            block = block.with_twins();
         }
-        Goal::Within(_) | Goal::Until(_) | Goal::Passes(_) | Goal::Mean(_) => {
-            let blocks = grid.iter().map(|&window| Block::new(window, pass.lines)).collect();
-            let mut passes = Passes { blocks, sampler: &sampler, goal: adaptive.goal, deadline, progress };
-            let made = passes.run(film.window())?;
-            progress.advance(passes.blocks.iter().map(|b| b.pixels_in(film.window())).sum(), 0);
-            passes.blocks.iter().for_each(|block| block.store(film));
-            Some(made)
+        for rule in &self.rules {
+            block.settle(&self.sampler, rule, progress)?;
         }
+        Some(block)
+    }
+
+    /// Passes that the goal asks for; none where every pixel stops for itself.
+    fn passes(&self) -> u32 {
+        if let Goal::Passes(passes) = self.goal { passes } else { 0 }
     }
 }
 
@@ -190,36 +273,17 @@ struct Passes<'a, F: ImageFunction> {
 }
 
 impl<F: ImageFunction> Passes<'_, F> {
-    /// What pass `number` (from 0) asks for: 4, 8, 16 runs everywhere, then runs where they lower the picture's relative
-    /// error most. A run more lowers a squared error V by V/n; passes ask V/n below a bound that falls by 2^¼ each time,
-    /// so that a pass adds about a tenth of the samples so far.
-    fn rule(number: u32) -> Rule {
-        match number {
-            0..=2 => Rule::Runs(4 << number),
-            _ => Rule::Relative(libm::exp2(-4.0 - 0.25 * f64::from(number - 2))),
-        }
-    }
-
-    /// The pass that nothing can stop before: those before it ask for fewer runs, and need not be made one by one.
-    fn first(&self) -> u32 {
-        match self.goal {
-            Goal::Within(_) => 0,
-            Goal::Until(_) | Goal::Error(_) => 2,
-            Goal::Mean(runs) => (runs / 4).clamp(1, 4).ilog2(),
-            Goal::Passes(passes) => passes.clamp(1, 3) - 1,
-        }
-    }
-
     /// Later passes ask for a relative error of 2⁻⁴⁸ a run: nothing can.
     const LAST: u32 = 256;
 
     /// Passes until the goal is reached for what `shown` shows of the blocks: how many, or `None` if cancelled.
     fn run(&mut self, shown: Window) -> Option<u32> {
         let (started, mut samples) = (Instant::now(), 0_u64);
-        let mut passes = self.first();
+        let first = first_pass(self.goal);
+        let mut passes = first;
         while passes < Self::LAST {
-            let rule = Self::rule(passes);
-            if passes > self.first() && self.exceeds(&rule, samples, started) {
+            let rule = pass_rule(passes);
+            if passes > first && self.exceeds(&rule, samples, started) {
                 break;
             }
             let done: Option<Vec<u64>> =
@@ -227,12 +291,9 @@ impl<F: ImageFunction> Passes<'_, F> {
             let taken: u64 = done?.iter().sum();
             samples += taken;
             passes += 1;
-            let enough = match self.goal {
-                Goal::Passes(asked) => passes >= asked,
-                Goal::Until(error) => passes > 2 && self.relative_error(shown) <= error,
-                Goal::Within(_) | Goal::Mean(_) | Goal::Error(_) => false,
-            };
-            if enough || passes > 2 && self.blocks.iter().all(|b| b.is_exhausted(self.sampler)) {
+            let is_enough =
+                matches!(self.goal, Goal::Until(error) if passes > 2 && self.relative_error(shown) <= error);
+            if is_enough || passes > 2 && self.blocks.iter().all(|b| b.is_exhausted(self.sampler)) {
                 break;
             }
         }

@@ -1,8 +1,8 @@
 //! What sampling that stops by itself will take: some of a picture's blocks, which decide for themselves, are sampled as
 //! the whole will be.
 
-use super::block::{Block, Rule, grid};
-use super::{Adaptive, Goal, Passes, Sampler, Visibility};
+use super::block::{Block, grid};
+use super::{Adaptive, Goal, Passes, Settler};
 use crate::design::{DesignOptions, Factor};
 use crate::film::Window;
 use crate::film::blocks::pixels;
@@ -29,12 +29,9 @@ pub(in crate::render) fn forecast<F: ImageFunction>(
     // Pixels' first runs, for the speed.
     let goal = if let Goal::Within(_) = adaptive.goal { Goal::Passes(3) } else { adaptive.goal };
     let tried_for = Adaptive { goal, ..*adaptive };
-    let sampler = Sampler::new(function, options, factors, &tried_for, pass);
+    let settler = Settler::new(function, (options, factors), &tried_for, pass);
     let all = spread(window, size);
-    let look = |count: usize| {
-        let blocks = all[..count].iter().map(|&block| Block::new(block, pass.lines)).collect();
-        settle(blocks, &sampler, &tried_for, window)
-    };
+    let look = |count: usize| settle(&all[..count], &settler, &tried_for, window);
     let started = Instant::now();
     let mut count = LEAST_BLOCKS.min(all.len());
     let mut tried = look(count);
@@ -65,23 +62,20 @@ fn spread(window: Window, (width, height): (u32, u32)) -> Vec<Window> {
 
 /// Samples `blocks` until they, as far as `window` shows them, are what is asked for.
 fn settle<F: ImageFunction>(
-    mut blocks: Vec<Block>,
-    sampler: &Sampler<'_, F>,
+    blocks: &[Window],
+    settler: &Settler<'_, F>,
     adaptive: &Adaptive,
     window: Window,
 ) -> Vec<Block> {
     let progress = Progress::default();
-    let Goal::Error(tolerance) = adaptive.goal else {
-        let mut passes = Passes { blocks, sampler, goal: adaptive.goal, deadline: None, progress: &progress };
-        passes.run(window);
-        return passes.blocks;
-    };
-    let rule = Rule::visible(tolerance, Visibility::new(adaptive.view));
-    blocks = blocks.into_iter().map(Block::with_twins).collect();
-    blocks.par_iter_mut().for_each(|block| {
-        block.settle_and_count(sampler, &rule, &progress);
-    });
-    blocks
+    if adaptive.is_by_block() {
+        return blocks.par_iter().filter_map(|&block| settler.settle(block, &progress)).collect();
+    }
+    let blocks = blocks.iter().map(|&block| Block::new(block, settler.lines)).collect();
+    let mut passes =
+        Passes { blocks, sampler: &settler.sampler, goal: adaptive.goal, deadline: None, progress: &progress };
+    passes.run(window);
+    passes.blocks
 }
 
 /// What all blocks, `count` with `pixels` pixels together, take if they are like those tried: by pixels, since blocks at
