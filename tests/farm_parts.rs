@@ -214,9 +214,12 @@ fn the_programs_merged_files_are_those_that_it_renders() {
     for (name, frame) in [("1_0-7", 3), ("1_8-15", 3), ("2_0-15", 3), ("2_0-15", 4)] {
         fs::copy(at(&format!("parts/{name}.part")), at(&format!("shot.{frame:04}.{name}.part"))).unwrap();
     }
-    let (code, said) = merge(&[&at("shot.####.*.part")], &at("b.exr"), "--frames 3");
-    assert_eq!(code, Some(0), "{said}");
-    assert_eq!(fs::read(at("a.exr")).unwrap(), fs::read(at("b.exr")).unwrap());
+    for pattern in ["shot.####.*.part", "shot.0003.*.part", "parts/*"] {
+        let (code, said) = merge(&[&at(pattern)], &at("b.exr"), "--frames 3");
+        assert_eq!(code, Some(0), "{pattern}: {said}");
+        assert_eq!(fs::read(at("a.exr")).unwrap(), fs::read(at("b.exr")).unwrap(), "{pattern}");
+        fs::remove_file(at("b.exr")).unwrap();
+    }
 }
 
 #[test]
@@ -247,6 +250,7 @@ fn what_cannot_be_merged_is_refused_in_one_sentence_that_names_it() {
         (vec![&damaged], "damaged.part", "checksum of block"),
         (vec![&alien], "alien.part", "no part file"),
         (vec![&at("gone.part")], "gone.part", "cannot open"),
+        (vec![&at("gone.*.part")], "gone.*.part", "no file's name fits"),
     ] {
         let parts: Vec<&Path> = parts.into_iter().map(PathBuf::as_path).collect();
         let (code, said) = merge(&parts, &at("out.exr"), "-q");

@@ -136,15 +136,29 @@ fn expand(argument: &Path, frames: Option<&FrameList>, paths: &mut Vec<PathBuf>)
     }
     // What is there under this very name is a file whatever its name looks like.
     let pattern = if argument.exists() { None } else { text.parse::<Pattern>().ok().filter(Pattern::is_sequence) };
+    let folder = argument.parent().unwrap_or(Path::new(""));
     let Some(pattern) = pattern else {
-        paths.push(argument.to_path_buf());
+        let name = argument.file_name().unwrap_or_default().to_string_lossy();
+        let Some((head, tail)) = name.split_once('*').filter(|_| !argument.exists()) else {
+            paths.push(argument.to_path_buf());
+            return Ok(());
+        };
+        let fits = |path: &Path| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            name.strip_prefix(head).is_some_and(|rest| rest.ends_with(tail))
+        };
+        let before = paths.len();
+        list(folder, fits, paths)?;
+        if paths.len() == before {
+            return Err(Error::Merge { problem: format!("no file's name fits {}", argument.display()) });
+        }
         return Ok(());
     };
     let wanted: Option<HashSet<i64>> = frames.map(|list| list.frames().iter().copied().collect());
     let is_wanted = |path: &Path| {
         pattern.frame_of_any(path).is_some_and(|frame| wanted.as_ref().is_none_or(|w| w.contains(&frame)))
     };
-    list(argument.parent().unwrap_or(Path::new("")), is_wanted, paths)
+    list(folder, is_wanted, paths)
 }
 
 /// Adds the files of `folder` that are `wanted` and not hidden.

@@ -4,9 +4,9 @@
 //! show. A frame is merged by strips of at most one row of blocks: memory holds the finished picture and the sums of one
 //! strip, however many parts there are.
 
+use super::adaptive::{Adaptive, Goal};
 use super::aovs::{self, ObservedSums};
 use super::coverage::{Extent, Section, cover, describe};
-use super::adaptive::{Adaptive, Goal};
 use super::settings::Settings;
 use super::shot::{Frame, FrameCost};
 use super::{Progress, frames::FrameList};

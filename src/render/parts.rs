@@ -1,7 +1,7 @@
 //! Parts of frames: which blocks and which runs of the design, rendered into part files.
 
-use super::integrate::sum_tile;
 use super::adaptive::{self, Settler};
+use super::integrate::sum_tile;
 use super::shot::{Exposed, FrameCost, Shot};
 use super::{Progress, aovs};
 use crate::film::{Blocks, Layout, PixelAccumulator, Window, pack_estimates};
