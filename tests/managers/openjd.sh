@@ -34,18 +34,28 @@ grep -q "0003.2.part: [0-9]* of [0-9]* blocks were done before" run-TERM.log || 
 grep -q "0007.1.part: [0-9]* of [0-9]* blocks were done before" run.log || fail "the stopped task began anew"
 grep -q "0005.1.part: finished before, kept" run.log || fail "a finished task was rendered again"
 
-# Frames that stop when they are accurate enough stay whole, and each equals that of one machine.
-accurate=(--frames=1-3:2 --size=64x36 --error=10% --most-runs=256)
-"$GRAECO" render "$scene" "${accurate[@]}" --output="$work/accurate/newton.####.exr" --quiet
-"$GRAECO" farm openjd "$scene" "${accurate[@]}" --frames-per-task=1 --measure=0.1 --memory=256 \
-    --pictures="$work/stopped/newton.####.exr" --output=stopped.yaml
-if "$GRAECO" farm openjd "$scene" "${accurate[@]}" --parts=2 --output=refused.yaml 2>refused.log; then
-    fail "frames that stop by themselves were cut into parts"
-fi
-grep -q "^graeco: --parts 2: " refused.log || fail "the refusal does not name --parts"
-"$openjd" run stopped.yaml --step Check --run-dependencies -p Graeco="$GRAECO" -p Scene="$scene" >stopped.log 2>&1 ||
-    { tail -n 40 stopped.log >&2; fail "frames that stop by themselves were not rendered"; }
-for frame in 0001 0003; do
-    cmp "accurate/newton.$frame.exr" "stopped/newton.$frame.exr" || fail "frame $frame, stopped by itself, differs"
+# Frames that stop when they are accurate enough, whole and in tiles: each equals that of one machine.
+accurate=(--frames=1-3:2 --size=64x36 --most-runs=256)
+"$GRAECO" render "$scene" "${accurate[@]}" --error=10% --output="$work/accurate/newton.####.exr" --quiet
+for parts in 1 2; do
+    "$GRAECO" farm openjd "$scene" "${accurate[@]}" --error=10% --parts=$parts --frames-per-task=1 --measure=0.1 \
+        --memory=256 --pictures="$work/stopped-$parts/newton.####.exr" --output="stopped-$parts.yaml"
+    last=$([ $parts = 1 ] && echo Check || echo Merge)
+    "$openjd" run "stopped-$parts.yaml" --step "$last" --run-dependencies -p Graeco="$GRAECO" -p Scene="$scene" \
+        >stopped.log 2>&1 || { tail -n 40 stopped.log >&2; fail "frames that stop by themselves were not rendered"; }
+    for frame in 0001 0003; do
+        cmp "accurate/newton.$frame.exr" "stopped-$parts/newton.$frame.exr" ||
+            fail "frame $frame, stopped by itself in $parts parts, differs"
+    done
 done
-echo "2 frames that stop by themselves equal one machine's, byte for byte"
+echo "2 frames that stop by themselves equal one machine's, byte for byte, whole and in 2 tiles"
+
+# refused SUBJECT FLAGS: a job that cannot be is refused in one sentence that begins with its subject.
+refused() {
+    if "$GRAECO" farm openjd "$scene" "${accurate[@]}" "${@:2}" --output=refused.yaml 2>refused.log; then
+        fail "${*:2} was not refused"
+    fi
+    grep -q "^graeco: $1: " refused.log || fail "the refusal of ${*:2} does not begin with $1"
+}
+refused "--until with a part of a frame" --until=5% --parts=2
+refused "--split runs" --error=10% --split=runs

@@ -219,7 +219,7 @@ fn first_pass(goal: Goal) -> u32 {
     }
 }
 
-/// Samples blocks one by one, for goals that each [reaches by itself](Adaptive::is_by_block).
+/// Samples blocks one by one, for goals that each block [reaches by itself](Adaptive::is_by_block).
 pub(super) struct Settler<'a, F: ImageFunction> {
     sampler: Sampler<'a, F>,
     goal: Goal,
