@@ -162,6 +162,22 @@ fn parts_of_what_the_whole_picture_decides_are_refused() {
     }
     refused("--error 10% --run-range 0-3", "--run-range 0-3: pixels that stop by themselves");
     assert!(!part.exists());
+    let stops = |name: &str, tile: &str| {
+        let scene = shots::load("animations/field.glb");
+        let adaptive = Some(Adaptive { goal: Goal::Passes(1), most_runs: 64, view: View::default() });
+        let settings = Settings { adaptive, ..shots::settings(SIZE, 16, 1) };
+        let surroundings = shots::dark();
+        let mut shot = Shot::new(&scene, &settings, &surroundings, "").unwrap();
+        let path = folder.path().join(name);
+        render_part(&mut shot, 3, &slice(tile, None), &path);
+        path
+    };
+    let [first, again] = [stops("first.part", "1/2"), stops("again.part", "1/2")];
+    for (parts, problem) in [(vec![&first], "lacks tile 2/2"), (vec![&first, &again], "both hold the same pixels")] {
+        let parts: Vec<&Path> = parts.into_iter().map(PathBuf::as_path).collect();
+        let (code, said) = merge(&parts, &folder.path().join("out.exr"), "-q");
+        assert!(code == Some(1) && said.contains(problem), "{said}");
+    }
 }
 
 /// What the program is called with to render the small scene.

@@ -83,19 +83,20 @@ fn add_gap(gaps: &mut Vec<Gap>, gap: Gap) {
     }
 }
 
-/// What is missing, in words; empty if nothing is.
-pub(super) fn describe(gaps: &[Gap], extents: &[&Extent], blocks: Blocks) -> String {
+/// What is missing, in words; empty if nothing is. Runs are named where they can be `shared` out.
+pub(super) fn describe(gaps: &[Gap], extents: &[&Extent], blocks: Blocks, shared: bool) -> String {
     const MOST: usize = 6;
     let counts: BTreeSet<u32> = extents.iter().map(|extent| extent.tiles).collect();
     let text = |gap: &Gap| {
         let runs = format!("runs {}-{}", gap.runs.start, gap.runs.end - 1);
-        if gap.blocks == (0..blocks.count()) {
+        if shared && gap.blocks == (0..blocks.count()) {
             return runs;
         }
-        match counts.iter().find_map(|&count| tiles_of(&gap.blocks, count, blocks)) {
-            Some(tiles) => format!("{runs} of {tiles}"),
-            None => format!("{runs} of blocks {} to {} of {}", gap.blocks.start, gap.blocks.end - 1, blocks.count()),
-        }
+        let tiles = counts
+            .iter()
+            .find_map(|&count| tiles_of(&gap.blocks, count, blocks))
+            .unwrap_or_else(|| format!("blocks {} to {} of {}", gap.blocks.start, gap.blocks.end - 1, blocks.count()));
+        if shared { format!("{runs} of {tiles}") } else { tiles }
     };
     let mut texts: Vec<String> = gaps.iter().take(MOST).map(text).collect();
     if gaps.len() > MOST {
@@ -140,8 +141,9 @@ mod tests {
         let parts = [part(0..2, 0..8), part(2..4, 0..4), part(6..8, 0..8)];
         let extents: Vec<&Extent> = parts.iter().collect();
         let (_, gaps) = cover(&extents, blocks.count(), 8).unwrap();
-        assert_eq!(describe(&gaps, &extents, blocks), "runs 4-7 of tile 2/4, runs 0-7 of tile 3/4");
-        assert_eq!(describe(&cover(&[], 8, 8).unwrap().1, &[], blocks), "runs 0-7");
+        assert_eq!(describe(&gaps, &extents, blocks, true), "runs 4-7 of tile 2/4, runs 0-7 of tile 3/4");
+        assert_eq!(describe(&gaps[1..], &extents, blocks, false), "tile 3/4");
+        assert_eq!(describe(&cover(&[], 8, 8).unwrap().1, &[], blocks, true), "runs 0-7");
     }
 
     #[test]

@@ -194,14 +194,14 @@ impl Collection {
     fn sections(&self, frame: i64, entries: &[Entry]) -> Result<(Vec<Section>, String)> {
         let extents: Vec<&Extent> = entries.iter().map(|entry| &entry.extent).collect();
         let blocks = Blocks::new(self.lead.window);
+        let shared = self.settings.adaptive.is_none();
         let (sections, gaps) = cover(&extents, blocks.count(), self.lead.total_runs).map_err(|clash| {
             let [a, b] = clash.parts.map(|i| entries[i].path.display().to_string());
             let (first, last) = (clash.runs.start, clash.runs.end - 1);
-            Error::Merge {
-                problem: format!("{a} and {b} both hold runs {first}-{last} of the same pixels of frame {frame}"),
-            }
+            let runs = if shared { format!("runs {first}-{last} of ") } else { String::new() };
+            Error::Merge { problem: format!("{a} and {b} both hold {runs}the same pixels of frame {frame}") }
         })?;
-        Ok((sections, describe(&gaps, &extents, blocks)))
+        Ok((sections, describe(&gaps, &extents, blocks, shared)))
     }
 
     /// Merges the parts of frame `frame`; nothing if `progress` was cancelled.
