@@ -1,7 +1,7 @@
 //! Parts of frames: which blocks and which runs of the design, rendered into part files.
 
 use super::adaptive::{self, Settler};
-use super::integrate::sum_tile;
+use super::integrate::{pixels_of, sum_tile};
 use super::shot::{Exposed, FrameCost, Shot};
 use super::{Progress, aovs};
 use crate::film::{Blocks, Layout, PixelAccumulator, Window, pack_estimates};
@@ -139,8 +139,8 @@ impl Shot<'_> {
     pub fn pixels_of_part(&self, header: &Header) -> Result<u64> {
         let blocks = Blocks::new(header.window);
         let passes = self.passes(header.frame)?;
-        let pixels = |lines, b| crate::film::blocks::pixels(blocks.window(b), lines).count() as u64;
-        let of_pass = |lines| (header.blocks.0..header.blocks.1).map(|b| pixels(lines, b)).sum::<u64>();
+        let of_pass =
+            |lines| (header.blocks.0..header.blocks.1).map(|b| pixels_of(blocks.window(b), lines)).sum::<u64>();
         Ok(passes.iter().map(|pass| of_pass(pass.lines)).sum())
     }
 
@@ -165,8 +165,7 @@ impl Shot<'_> {
             let held = |block: &u32| journal.lock().unwrap_or_else(PoisonError::into_inner).holds(*block, number);
             let (there, left): (Vec<u32>, Vec<u32>) = (header.blocks.0..header.blocks.1).partition(held);
             let blocks = Blocks::new(header.window);
-            let pixels_of = |b: u32| crate::film::blocks::pixels(blocks.window(b), pass.lines).count() as u64;
-            progress.advance(there.into_iter().map(pixels_of).sum(), 0);
+            progress.advance(there.into_iter().map(|b| pixels_of(blocks.window(b), pass.lines)).sum(), 0);
             if left.is_empty() {
                 continue;
             }
@@ -215,16 +214,17 @@ impl PassOfPart<'_> {
         observer: Option<(&Observer<'_>, &[aovs::Aov])>,
     ) -> Result<bool> {
         let layout = Layout::new(self.header.runs.0..self.header.runs.1, self.header.total_runs);
-        // Whole ones decide, whatever of them the window shows.
-        let whole = adaptive::grid(self.header.window, Window::whole(self.header.size.0, self.header.size.1));
+        // Whole blocks decide, whatever of them the window shows.
+        let picture = Window::whole(self.header.size.0, self.header.size.1);
+        let settler = settler.map(|settler| (settler, adaptive::grid(self.header.window, picture)));
         left.par_iter().try_for_each(|&block| {
             if self.progress.is_cancelled() {
                 return Ok(());
             }
             let (started, mut payload) = (Instant::now(), Vec::new());
-            let samples = match settler {
+            let samples = match &settler {
                 None => Some(self.sum_block(exposed, block, &layout, &mut payload)),
-                Some(settler) => self.settle_block(settler, block, whole[block as usize], &mut payload),
+                Some((settler, whole)) => self.settle_block(settler, block, whole[block as usize], &mut payload),
             };
             // None: cancelled.
             let Some(samples) = samples else { return Ok(()) };
@@ -233,7 +233,7 @@ impl PassOfPart<'_> {
                 let observed = aovs::observe_tile(observer, exposed.design, &exposed.job, window, &runs);
                 aovs::pack(&observed, wanted, &mut payload);
             }
-            let shown = crate::film::blocks::pixels(self.window(block), exposed.job.lines).count() as u64;
+            let shown = pixels_of(self.window(block), exposed.job.lines);
             self.keep(block, started, (shown, samples), &payload)
         })?;
         Ok(!self.progress.is_cancelled())

@@ -331,7 +331,7 @@ impl Block {
 
     /// Pixels that `window` shows.
     pub(super) fn pixels_in(&self, window: Window) -> u64 {
-        self.places().filter(|&(x, y)| window.index(x, y).is_some()).count() as u64
+        self.shown(window).count() as u64
     }
 
     fn places(&self) -> impl Iterator<Item = (u32, u32)> {
@@ -339,26 +339,28 @@ impl Block {
         self.rows.iter().flat_map(move |&y| columns.clone().map(move |x| (x, y)))
     }
 
+    /// The pixels that `window` shows, row by row, and where they stand in it.
+    fn shown(&self, window: Window) -> impl Iterator<Item = (usize, &Pixel)> {
+        self.places().zip(&self.pixels).filter_map(move |((x, y), pixel)| Some((window.index(x, y)?, pixel)))
+    }
+
     /// Estimates of the pixels that `window` shows, row by row.
     pub(in crate::render) fn estimates(&self, window: Window) -> Vec<PixelEstimate> {
-        let shown = self.places().zip(&self.pixels).filter(|((x, y), _)| window.index(*x, *y).is_some());
-        shown.map(|(_, pixel)| self.estimate(pixel)).collect()
+        self.shown(window).map(|(_, pixel)| self.estimate(pixel)).collect()
     }
 
     /// Puts the estimates into `film` where it shows them.
     pub(super) fn store(&self, film: &mut Film) {
         let window = film.window();
         let stored = film.pixels_mut();
-        for ((x, y), pixel) in self.places().zip(&self.pixels) {
-            if let Some(index) = window.index(x, y) {
-                stored[index] = self.estimate(pixel);
-            }
+        for (index, pixel) in self.shown(window) {
+            stored[index] = self.estimate(pixel);
         }
     }
 
     /// Sum of squared relative errors over the pixels that `window` shows, and how many these are.
     pub(super) fn relative_squares(&self, window: Window) -> (f64, usize) {
-        let shown = self.places().zip(&self.pixels).filter(|((x, y), _)| window.index(*x, *y).is_some());
-        shown.fold((0.0, 0), |(sum, n), (_, pixel)| (sum + relative_square(&self.estimate(pixel)), n + 1))
+        let error = |pixel: &Pixel| relative_square(&self.estimate(pixel));
+        self.shown(window).fold((0.0, 0), |(sum, n), (_, pixel)| (sum + error(pixel), n + 1))
     }
 }

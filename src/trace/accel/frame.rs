@@ -21,9 +21,10 @@ use glam::Vec3A;
 /// A plane p is met at T = (p − O) / d, computed as p·r − c with r = 1/d and c = O·r rounded: in one rounding where the
 /// processor fuses both, in two elsewhere. The roundings of c and of the product are as if O were moved by u|O| and by
 /// u|p| ≤ u(|origin| + reach): 2u(max|x| + max|z|) and 5u|origin| pay for them and for rounding both; O lies as far beyond
-/// `entry_origin` as that beyond the origin, which is more. What is left is relative, one rounding of r and one of the difference: near ≤ near*(1 + γ₂) and
-/// far ≥ far*(1 − γ₂) for exact near* ≤ far*. Scaling far by 1 + 2γ₂ makes near ≤ far certain (Ize 2013, *Robust BVH Ray
-/// Traversal*); `far_inverse` holds that factor, with 10u ≥ 2γ₂ + the factor's own roundings.
+/// `entry_origin` as that beyond the origin, which is more. What is left is relative, one rounding of r and one of the
+/// difference: near ≤ near*(1 + γ₂) and far ≥ far*(1 − γ₂) for exact near* ≤ far*. Scaling far by 1 + 2γ₂ makes near ≤ far
+/// certain (Ize 2013, *Robust BVH Ray Traversal*); `far_inverse` holds that factor, with 10u ≥ 2γ₂ + the factor's own
+/// roundings.
 ///
 /// Where d vanishes r would be infinite and the difference no number: a component is at least 2⁻⁶⁰ of the largest, which
 /// moves the ray by less than 2⁻⁶⁰ of its way, far below u.

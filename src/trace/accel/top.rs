@@ -335,32 +335,30 @@ impl<I: Isa, const ANY: bool> Visit for Places<'_, I, ANY> {
     }
 }
 
-/// Walks everything. Returns whether a hit ended it (`ANY` only).
+/// Walks everything.
 #[inline(always)]
-pub(super) fn search<I: Isa, const ANY: bool>(
-    all: &Structures,
-    ray: &Ray,
-    query: &mut Query<'_>,
-    stack: &Waiting,
-) -> bool {
+pub(super) fn search<I: Isa, const ANY: bool>(all: &Structures, ray: &Ray, query: &mut Query<'_>, stack: &Waiting) {
     let frame = RayFrame::new(ray.origin, ray.direction, &all.bounds);
     if all.guard.as_ref().is_none_or(|guard| guard.is_met(&frame, query.limit)) {
         match &all.top {
             Top::World => {}
             Top::Still(top) => {
                 let places = Places::<I, ANY>::new(all, &top.items, ray, &frame);
-                return walk::<I, _, _, ANY>(&top.nodes, top.nodes.root, &frame, 0.0, &places, query, stack);
+                walk::<I, _, _, ANY>(&top.nodes, top.nodes.root, &frame, 0.0, &places, query, stack);
+                return;
             }
-            Top::Moving(_) if !compiled::TIME => return false,
+            Top::Moving(_) if !compiled::TIME => return,
             Top::Moving(slabs) => {
                 let (top, f) = slab_at(slabs, ray.u_time);
                 let places = Places::<I, ANY>::new(all, &top.items, ray, &frame);
-                return walk::<I, _, _, ANY>(&top.nodes, top.nodes.root, &frame, f, &places, query, stack);
+                walk::<I, _, _, ANY>(&top.nodes, top.nodes.root, &frame, f, &places, query, stack);
+                return;
             }
         }
     }
-    let Some(World { tree, .. }) = all.world.as_deref() else { return false };
-    walk_triangles::<I, _, _, ANY>(tree, tree.nodes.root, &frame, 0.0, WORLD, query, stack)
+    if let Some(World { tree, .. }) = all.world.as_deref() {
+        walk_triangles::<I, _, _, ANY>(tree, tree.nodes.root, &frame, 0.0, WORLD, query, stack);
+    }
 }
 
 /// The slab that holds `u_time`, and where in it.
