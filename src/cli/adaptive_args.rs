@@ -55,7 +55,11 @@ fn parse_part(text: &str) -> Result<f64, String> {
         Some(percent) => positive(percent)? / 100.0,
         None => positive(text)?,
     };
-    if value < 1.0 { Ok(value) } else { Err(format!("{text} is all there is; a percentage is written {text}%")) }
+    match value {
+        ..1.0 => Ok(value),
+        _ if text.contains('%') => Err("expected less than 100%".to_owned()),
+        _ => Err(format!("expected a part below 1; a percentage is written {text}%")),
+    }
 }
 
 /// `10s`, `2min`, `1.5h`, `500ms`; without a unit, seconds.
