@@ -248,6 +248,21 @@ impl Block {
         wanted.iter().map(|&index| growth(&self.pixels[index])).sum()
     }
 
+    /// Samples that each pixel will take until `rule` asks for no more, as its fewest runs tell of the one in the middle.
+    pub(super) fn outlook<F: ImageFunction>(&mut self, sampler: &Sampler<'_, F>, rule: Option<&Rule>) -> f64 {
+        let middle = self.pixels.len() / 2;
+        self.grow(middle, sampler, &Rule::Runs(LEAST_RUNS), &mut PixelAccumulator::new(0));
+        let (least, most) = (f64::from(LEAST_RUNS), f64::from(sampler.most() * QUARTERS));
+        let runs = f64::from(self.pixels[middle].all_runs());
+        let estimate = self.pixels[middle].estimate;
+        let asked = match rule {
+            Some(Rule::Visible(seen)) => seen.needed(&estimate, runs),
+            Some(Rule::Relative(bound)) if estimate.runs > 0 => (relative_square(&estimate) * runs / bound).sqrt(),
+            Some(Rule::Relative(_) | Rule::Runs(_)) | None => least,
+        };
+        asked.max(least).min(most)
+    }
+
     /// Whether no pixel may have more runs.
     pub(super) fn is_exhausted<F: ImageFunction>(&self, sampler: &Sampler<'_, F>) -> bool {
         self.pixels.iter().all(|pixel| pixel.all_runs() >= QUARTERS * sampler.most())

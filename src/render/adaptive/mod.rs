@@ -20,6 +20,7 @@
 
 mod block;
 pub(super) mod outlook;
+mod proportional;
 mod sampler;
 #[cfg(test)]
 mod tests;
@@ -255,6 +256,11 @@ impl<'a, F: ImageFunction> Settler<'a, F> {
             block.settle(&self.sampler, rule, progress)?;
         }
         Some(block)
+    }
+
+    /// Samples that each pixel of the block at `window` will take, by a first look at one of them.
+    fn outlook(&self, window: Window) -> f64 {
+        Block::new(window, self.lines).outlook(&self.sampler, self.rules.last())
     }
 
     /// Passes that the goal asks for; none where every pixel stops for itself.

@@ -2,7 +2,7 @@
 //! the whole will be.
 
 use super::block::{Block, grid};
-use super::{Adaptive, Goal, Passes, Settler};
+use super::{Adaptive, Goal, Passes, Settler, proportional};
 use crate::design::{DesignOptions, Factor};
 use crate::film::Window;
 use crate::film::blocks::pixels;
@@ -32,6 +32,11 @@ pub(in crate::render) fn forecast<F: ImageFunction>(
     let settler = Settler::new(function, (options, factors), &tried_for, pass);
     let all = spread(window, size);
     let look = |count: usize| settle(&all[..count], &settler, &tried_for, window);
+    if adaptive.is_by_block()
+        && let Some(forecast) = proportional::forecast(&all, &settler, budget_s)
+    {
+        return forecast;
+    }
     let started = Instant::now();
     let mut count = LEAST_BLOCKS.min(all.len());
     let mut tried = look(count);

@@ -275,3 +275,25 @@ fn a_forecast_of_all_blocks_is_what_the_picture_takes() {
     let in_time = look(Goal::Within(7.0), crop, 1e-9);
     assert!(in_time.samples > 0 && (in_time.render_s - 7.0).abs() < 1e-9, "{in_time:?}");
 }
+
+/// A hundredth of the picture holds most of its work: two dozen draws among 512 cells, where the work is, tell it nearly.
+#[test]
+fn a_forecast_finds_the_few_places_that_hold_the_work() {
+    let fine = |x: f64, y: f64, _: f64| {
+        let seen = (x - 70.0).powi(2) + (y - 30.0).powi(2) < 36.0;
+        if seen && (7.0 * x).sin() * (9.0 * y).sin() > 0.0 { 0.8 } else { 0.1 }
+    };
+    let filter = Filter::new("box".parse().unwrap());
+    let pass = Pass { footprint: Footprint::PROGRESSIVE, filter: &filter, lines: Lines::All, number: 3 };
+    let (options, size) = (DesignOptions { seed: 9, ..DesignOptions::default() }, (128, 64));
+    let asked = asked(Goal::Error(0.004));
+    let shown = Window::whole(size.0, size.1);
+    let mut film = Film::new(size.0, size.1, None).unwrap();
+    let progress = Progress::default();
+    integrate(&Shown(fine), (&options, &FACTORS), &asked, &pass, &mut film, None, &progress).unwrap();
+    let told = outlook::forecast(&Shown(fine), (&options, &FACTORS), &asked, &pass, (shown, size), 1e-9);
+    #[allow(clippy::cast_precision_loss, reason = "counts of samples")]
+    let ratio = told.samples as f64 / progress.samples() as f64;
+    assert!(progress.samples() > 2 * u64::from(LEAST_RUNS) * 128 * 64, "the disk is to hold most of the work");
+    assert!(told.standard_error_s > 0.0 && (0.75..1.33).contains(&ratio), "{ratio} {told:?}");
+}
