@@ -100,7 +100,11 @@ fn scaled(tried: &[Block], count: usize, pixels: u64) -> Forecast {
     let variance = tried.iter().map(|block| off(block).powi(2)).sum::<f64>() / (n - 1.0);
     // Of blocks drawn without putting them back: all of them leave nothing unknown.
     let left = 1.0 - n / count as f64;
-    let error_s = if tried.len() > 1 { scale * (n * variance * left).sqrt() / threads } else { f64::INFINITY };
+    let error_s = match tried.len() {
+        all if all == count => 0.0,
+        1 => f64::INFINITY,
+        _ => scale * (n * variance * left).sqrt() / threads,
+    };
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of samples")]
     let samples = (samples_tried as f64 * scale).round() as u64;
     Forecast {

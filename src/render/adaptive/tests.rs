@@ -272,6 +272,9 @@ fn a_forecast_of_all_blocks_is_what_the_picture_takes() {
             assert_eq!(look(goal, window, 0.0), Forecast::default());
         }
     }
+    // A single block is all of its picture.
+    let one = look(Goal::Error(0.02), Window { x: 17, y: 17, width: 8, height: 9 }, 1e6);
+    assert!(one.samples > 0 && one.standard_error_s <= 0.0, "{one:?}");
     let in_time = look(Goal::Within(7.0), crop, 1e-9);
     assert!(in_time.samples > 0 && (in_time.render_s - 7.0).abs() < 1e-9, "{in_time:?}");
 }
