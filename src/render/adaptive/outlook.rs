@@ -1,5 +1,5 @@
 //! What sampling that stops by itself will take: some of a picture's blocks, which decide for themselves, are sampled as
-//! the whole will be.
+//! the whole will be; smaller cells where each block reaches the goal alone, and the time is not enough for all.
 
 use super::block::{Block, grid};
 use super::{Adaptive, Goal, Passes, Settler, proportional};

@@ -15,11 +15,11 @@ use std::time::Instant;
 
 /// Side of a cell. Its pixels decide without those around it.
 const SIDE: u32 = 4;
-/// The part of the time that first looks may take.
+/// The part of the time that first looks may take: chosen so that a small picture is looked at whole, not measured.
 const LOOKING: f64 = 0.25;
 /// Blocks that are looked at together, and the fewest.
 const CHUNK: usize = 32;
-/// Fewest cells that are sampled.
+/// Fewest cells that are sampled, whatever the time: chosen so that their spread means something, not measured.
 const LEAST_CELLS: usize = 24;
 /// The golden ratio's fraction.
 const GOLDEN: f64 = 0.618_033_988_749_895;
